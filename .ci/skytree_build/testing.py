@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The test suites, each a part that reports how many tests passed, failed and were skipped."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .environments import BLENDERS, blender_module, environment, find_python, left_out, require_packages
+from .packaging import build_native, build_wheel, install_wheel, package
+from .steps import BUILD, ROOT, BuildError, Finished, relative, run
+
+
+@dataclass
+class Outcome:
+    """What one part of the tests came to; a part that broke before it counted anything is one failure."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+    note: str = ""
+    closing: list[str] = field(default_factory=list)
+
+
+def read_junit(report: Path, finished: Finished) -> Outcome:
+    """Counts the tests of a JUnit file (pytest, GoogleTest); a bad exit code outweighs what the file says."""
+    outcome = Outcome(closing=closing_lines(finished.log))
+    if report.exists():
+        for case in ElementTree.parse(report).iter("testcase"):
+            if case.find("failure") is not None or case.find("error") is not None:
+                outcome.failed += 1
+            elif case.find("skipped") is not None or case.get("status") == "notrun":
+                outcome.skipped += 1
+            else:
+                outcome.passed += 1
+    if finished.returncode and not outcome.failed:
+        outcome.failed, outcome.note = 1, f"ended with exit code {finished.returncode}"
+    elif not outcome.passed and not outcome.failed:
+        outcome.failed, outcome.note = 1, "ran no test"
+    if outcome.failed:
+        outcome.closing = [*finished.tail(60).splitlines(), f"    the whole log: {relative(finished.log)}"]
+    return outcome
+
+
+def closing_lines(log: Path) -> list[str]:
+    pattern = re.compile(
+        r"^\[\s+(PASSED|SKIPPED|FAILED)\s+\] \d+ tests?|^\[=+\] \d+ tests? .*ran|^=+ .* in [\d.:]+"
+    )
+    return [line for line in log.read_text(errors="replace").splitlines() if pattern.match(line)][-4:]
+
+
+def fresh_report(name: str) -> Path:
+    report = BUILD / "reports" / f"{name}.xml"
+    report.parent.mkdir(parents=True, exist_ok=True)
+    report.unlink(missing_ok=True)
+    return report
+
+
+def google_test(folder: str, *settings: str, **variables) -> Outcome:
+    require_packages("build", "test")
+    program = build_native(folder, "skytree_tests", "-DSKYTREE_TESTS=ON", *settings)
+    report = fresh_report(folder)
+    return read_junit(
+        report, run(f"Run {folder}", [program, f"--gtest_output=xml:{report}"], check=False, **variables)
+    )
+
+
+def test_core() -> Outcome:
+    return google_test("native-test")
+
+
+def test_sanitizers() -> Outcome:
+    # No build type, hence no NDEBUG: assertions are on.
+    settings = [
+        "-DSKYTREE_SANITIZE=address,undefined",
+        "-DCMAKE_BUILD_TYPE=None",
+        "-DCMAKE_CXX_FLAGS=-O1 -g1",
+    ]
+    return google_test("native-sanitize", *settings, UBSAN_OPTIONS="print_stacktrace=1")
+
+
+def pytest(name: str, command: list, *arguments, **variables) -> Outcome:
+    report = fresh_report(name)
+    options = ["-p", "no:cacheprovider", "--color=no", f"--junitxml={report}"]
+    return read_junit(report, run(f"Run {name}", [*command, *options, *arguments], check=False, **variables))
+
+
+def test_python(version: str) -> Outcome:
+    wheel = build_wheel()
+    if not find_python(version):
+        return Outcome(note=f"left out: {left_out(version)}")
+    python = environment("venv" if version == "3.11" else f"venv-{version}", PYTHON_GROUPS[version], version)
+    install_wheel(python, wheel)
+    return pytest(f"python-{version}", [python, "-m", "pytest"], ROOT / "native" / "python" / "tests")
+
+
+PYTHON_GROUPS = {"3.11": "tools", "3.13": "core-test"}
+
+
+def test_blender_module(version: str) -> Outcome:
+    if not find_python(BLENDERS[version]):
+        return Outcome(note=f"left out: {left_out(BLENDERS[version])}")
+    archive, python = package(), blender_module(version)
+    return pytest(f"blender-{version}", [python, "-m", "pytest"], ROOT / "blender_tests", SKYTREE_ZIP=archive)
+
+
+def test_debian_blender() -> Outcome:
+    """Debian's Blender is a program with Debian's Python in it, so pytest comes from a folder of its own."""
+    require_packages("build", "test")
+    archive = package()
+    packages = (
+        environment("pytest-3.4", "blender-3-4", "3.11").parent.parent
+        / "lib"
+        / "python3.11"
+        / "site-packages"
+    )
+    runner = ROOT / "blender_tests" / "run_in_blender.py"
+    command = ["blender", "-b", "--factory-startup", "--python-exit-code", "3", "--python", runner, "--"]
+    return pytest(
+        "blender-3.4", command, ROOT / "blender_tests", SKYTREE_ZIP=archive, SKYTREE_PYTEST=packages
+    )
+
+
+def test_lint() -> Outcome:
+    require_packages("build", "test")
+    tools = environment("venv", "tools", "3.11").parent
+    folders = [ROOT / "native", ROOT / "cuda"]
+    sources = sorted(
+        f for folder in folders for f in folder.rglob("*") if f.suffix in {".cpp", ".h", ".cu", ".cuh"}
+    )
+    checks = {
+        "clang-format": ["clang-format", "--dry-run", "-Werror", *sources],
+        "ruff check": [tools / "ruff", "check", "--quiet", "."],
+        "ruff format": [tools / "ruff", "format", "--check", "--quiet", "."],
+    }
+    outcome = Outcome()
+    for name, command in checks.items():
+        finished = run(f"Run {name}", command, check=False)
+        outcome.failed += finished.returncode != 0
+        outcome.passed += finished.returncode == 0
+        outcome.closing += finished.tail().splitlines() if finished.returncode else [f"{name}: clean"]
+    return outcome
+
+
+def test_builder() -> Outcome:
+    python = environment("venv", "tools", "3.11")
+    return pytest("builder", [python, "-m", "pytest"], ROOT / ".ci")
+
+
+TEST_PARTS: dict[str, Callable[[], Outcome]] = {
+    "lint": test_lint,
+    "builder": test_builder,
+    "core": test_core,
+    "python-3.11": lambda: test_python("3.11"),
+    "python-3.13": lambda: test_python("3.13"),
+    "blender-4.5": lambda: test_blender_module("4.5"),
+    "blender-3.4": test_debian_blender,
+    "blender-5.2": lambda: test_blender_module("5.2"),
+    "sanitizers": test_sanitizers,
+}
+
+
+def run_tests(parts: list[str]) -> int:
+    """Runs every part even if one fails; returns the number of failures."""
+    outcomes: dict[str, Outcome] = {}
+    for part in parts or TEST_PARTS:
+        try:
+            outcomes[part] = TEST_PARTS[part]()
+        except BuildError as failure:
+            outcomes[part] = Outcome(failed=1, note="could not be run", closing=str(failure).splitlines())
+        print("\n".join(outcomes[part].closing), flush=True)
+    print(f"\n{'part':<14}{'passed':>8}{'failed':>8}{'skipped':>9}")
+    for part, outcome in outcomes.items():
+        print(
+            f"{part:<14}{outcome.passed:>8}{outcome.failed:>8}{outcome.skipped:>9}  {outcome.note}".rstrip()
+        )
+    passed, failed, skipped = (
+        sum(getattr(o, k) for o in outcomes.values()) for k in ("passed", "failed", "skipped")
+    )
+    print(f"\n{passed} passed, {failed} failed, {skipped} skipped", flush=True)
+    return failed

@@ -1,0 +1,125 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Builds, packages, tests and demonstrates Skytree, from a bare Debian 12 with git and python3 on.
+
+Needs Python 3.11 and its standard library only. What else a command needs it installs itself: Debian
+packages (as root or through sudo) and private virtual environments under build/, with the versions pinned
+in pyproject.toml. Steps whose inputs have not changed since the last run are skipped. The steps themselves
+are in .ci/skytree_build.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+if sys.version_info < (3, 11):  # noqa: UP036 (told before the imports below fail)
+    sys.exit("build_addon.py needs Python 3.11 or newer; this is %s (%s)." % (sys.version, sys.executable))  # noqa: UP031
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / ".ci"))
+from skytree_build import environments
+from skytree_build.environments import blender_module, require_packages
+from skytree_build.packaging import DIST, build_native, build_wheel, megabytes, package
+from skytree_build.steps import BUILD, ROOT, BuildError, relative
+from skytree_build.testing import TEST_PARTS, run_tests
+
+
+def command_build(_: argparse.Namespace) -> str:
+    wheel = build_wheel()
+    return f"Built {relative(wheel)} ({megabytes(wheel)}); build/venv/bin/python has it installed."
+
+
+def command_package(_: argparse.Namespace) -> str:
+    archive = package()
+    wheel = next(DIST.glob("skytree_core-*.whl"))
+    return f"Made {relative(archive)} ({megabytes(archive)}) for Blender, and {relative(wheel)} for pip."
+
+
+def command_test(options: argparse.Namespace) -> str:
+    started = time.monotonic()
+    if run_tests(options.parts):
+        sys.exit(1)
+    minutes = (time.monotonic() - started) / 60
+    return f"All tests passed in {minutes:.1f} minutes; logs and reports are in build/."
+
+
+def command_demo(options: argparse.Namespace) -> str:
+    archive, python = package(), blender_module("4.5")
+    out = options.out.resolve()
+    command = [python, ROOT / "docs" / "demo" / "demo.py", "--zip", archive, "--out", out]
+    command += ["--hdri", options.hdri.resolve()] if options.hdri else []
+    if subprocess.run([str(part) for part in [*command, *options.further]], cwd=ROOT).returncode:
+        raise BuildError("The demo failed; what it printed above says why.")
+    return f"The demo's pictures and report.json are in {relative(out)}."
+
+
+def command_bench(options: argparse.Namespace) -> str:
+    require_packages("build", "bench")
+    program = build_native("native-test", "skytree_bench", "-DSKYTREE_BENCH=ON")
+    report = BUILD / "reports" / "bench.json"
+    report.parent.mkdir(parents=True, exist_ok=True)
+    command = [program, f"--benchmark_out={report}", "--benchmark_out_format=json", *options.further]
+    if subprocess.run([str(part) for part in command], cwd=ROOT).returncode:
+        raise BuildError("The benchmarks failed; what they printed above says why.")
+    return f"The times are in {relative(report)}."
+
+
+def command_figures(_: argparse.Namespace) -> str:
+    raise BuildError(
+        "This version does not make the paper's figures yet; `demo` makes Figures 2, 3 and 6 for one map."
+    )
+
+
+COMMANDS = {
+    "demo": (command_demo, "render the demo scene in Blender 4.5 and write pictures and a report"),
+    "test": (command_test, "run every test, also inside Blender 3.4, 4.5 and 5.2"),
+    "build": (command_build, "build the Python package skytree_core"),
+    "package": (command_package, "make the zip that Blender installs"),
+    "bench": (command_bench, "run the benchmarks of the samplers"),
+    "figures": (command_figures, "make the paper's figures"),
+}
+
+
+def parse_arguments(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="build_addon.py", description=__doc__.split("\n")[0])
+    parser.add_argument("--no-apt", action="store_true", help="install no Debian packages, use what is there")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="command")
+    added = {
+        name: commands.add_parser(name, help=text, description=text) for name, (_, text) in COMMANDS.items()
+    }
+    added["demo"].add_argument("--hdri", type=Path, help="environment map (default: one that Blender brings)")
+    added["demo"].add_argument(
+        "--out", type=Path, default=ROOT / "demo", help="folder for the results (default: demo)"
+    )
+    added["test"].add_argument("parts", nargs="*", help=f"run these parts only: {', '.join(TEST_PARTS)}")
+    options, further = parser.parse_known_args(arguments)
+    if further and options.command not in ("demo", "bench"):  # these two hand further options on
+        parser.error(f"unknown: {' '.join(further)}")
+    if unknown := [part for part in getattr(options, "parts", []) if part not in TEST_PARTS]:
+        parser.error(f"unknown part {', '.join(unknown)}; there are {', '.join(TEST_PARTS)}")
+    if getattr(options, "hdri", None) and not options.hdri.is_file():
+        parser.error(f"--hdri {options.hdri}: there is no such file")
+    options.further = further
+    return options
+
+
+def main() -> None:
+    options = parse_arguments(sys.argv[1:])
+    environments.use_apt = not options.no_apt
+    shared = ROOT.parent / "shared"
+    if (shared / "hdri").is_dir():  # further environment maps, beside the repository where there are some
+        os.environ.setdefault("SKYTREE_SHARED", str(shared))
+    try:
+        print(COMMANDS[options.command][0](options))
+    except BuildError as failure:
+        sys.exit(f"\n{failure}")
+    except KeyboardInterrupt:
+        sys.exit("\nStopped.")
+
+
+if __name__ == "__main__":
+    main()
