@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Starts Blender once for all images of the demo, follows its progress and keeps the reference for the next
+run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import tempfile
+import zipfile
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.progress import Progress
+
+HERE = Path(__file__).resolve().parent
+
+
+class DemoError(Exception):
+    """Something the user can mend; the message says how."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Size of the images and samples per pixel."""
+
+    width: int = 640
+    height: int = 360
+    samples: int = 16
+    reference_samples: int = 512  # of each of the two halves
+    max_bounces: int = 3
+
+
+QUICK = Quality(width=320, height=180, reference_samples=64)
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to render: methods are settings of scene.skytree by name, rotation is in radians about +Z."""
+
+    blender_python: Path
+    addon: Path
+    hdri: Path
+    rotation: float
+    quality: Quality
+    seed: int
+    methods: dict[str, dict]
+
+    def reference_key(self) -> str:
+        """A hash of everything that the reference depends on: size, seed, scene, map and add-on."""
+        digest = hashlib.sha256(repr((self.quality, self.rotation, self.seed)).encode())
+        for file in (HERE / "scene.py", HERE / "teapot.py", self.hdri):
+            digest.update(file.read_bytes())
+        with zipfile.ZipFile(self.addon) as archive:
+            for entry in sorted(archive.infolist(), key=lambda e: e.filename):
+                digest.update(f"{entry.filename} {entry.CRC}".encode())
+        return digest.hexdigest()[:16]
+
+
+@dataclass
+class Rendered:
+    """Files of the images, of the reference's halves, and what Blender told."""
+
+    images: dict[str, Path]
+    reference: list[Path]
+    times: dict[str, dict]
+    versions: dict[str, str]
+
+
+def render_all(order: Order, out: Path, cache: Path, progress: Progress) -> Rendered:
+    """Renders every method to out/NAME.exr, and the reference's halves to cache unless they are there.
+
+    Raises DemoError with the end of Blender's log when Blender fails.
+    """
+    reference = [cache / f"reference-{order.reference_key()}-{half}.exr" for half in "ab"]
+    partial = [file.with_suffix(".part.exr") for file in reference]
+    images = {name: out / f"{name}.exr" for name in order.methods}
+    jobs = [
+        {"name": name, "samples": order.quality.samples, "seed": order.seed, "settings": settings}
+        | {"exr": str(images[name].resolve())}
+        for name, settings in order.methods.items()
+    ]
+    if not all(file.exists() for file in reference):
+        # A sampler that is not under test, and seeds of its own: the reference shares no noise with an image.
+        jobs += [
+            {"name": f"reference {half}", "samples": order.quality.reference_samples}
+            | {"seed": order.seed + 1001 + number, "settings": {"sampler": "ALIAS"}}
+            | {"exr": str(partial[number].resolve())}
+            for number, half in enumerate("ab")
+        ]
+    for job in jobs:
+        Path(job["exr"]).unlink(missing_ok=True)
+    rendered = Rendered(images, reference, {}, {})
+    _run_blender(order, jobs, cache, rendered, progress)
+    for source, target in zip(partial, reference, strict=True):
+        if source.exists():
+            source.rename(target)
+    return rendered
+
+
+def _run_blender(order: Order, jobs: list[dict], cache: Path, rendered: Rendered, progress: Progress) -> None:
+    quality = order.quality
+    description = {
+        "zip": str(order.addon.resolve()),
+        "hdri": str(order.hdri),
+        "rotation": order.rotation,
+        "width": quality.width,
+        "height": quality.height,
+        "max_bounces": quality.max_bounces,
+        "renders": jobs,
+    }
+    log = cache / "blender.log"
+    with tempfile.TemporaryDirectory(prefix="user-", dir=cache) as user_folder, log.open("w") as output:
+        job_file = Path(user_folder) / "job.json"
+        job_file.write_text(json.dumps(description))
+        read_end, write_end = os.pipe()
+        blender = subprocess.Popen(
+            [str(order.blender_python), str(HERE / "blender_part.py"), str(job_file), str(write_end)],
+            env={**clean_environment(), "BLENDER_USER_RESOURCES": user_folder},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            pass_fds=[write_end],
+        )
+        os.close(write_end)
+        try:
+            failure = _follow(read_end, jobs, rendered, progress)
+            code = blender.wait()
+        finally:
+            with suppress(ProcessLookupError):
+                blender.kill()
+            blender.wait()
+    if failure or code:
+        tail = "".join(deque(log.open(errors="replace"), maxlen=12))
+        raise DemoError(f"Blender: {failure or f'ended with code {code}'}\n{tail}The whole log: {log}")
+
+
+def _follow(read_end: int, jobs: list[dict], rendered: Rendered, progress: Progress) -> str | None:
+    """Moves the bars as Blender tells, fills in times and versions; -> message of a failure."""
+    names = ["install", *(job["name"] for job in jobs)]
+    totals = dict(zip(names, [1, *(job["samples"] for job in jobs)], strict=True))
+    titles = {name: f"Render {name}" for name in names} | {"install": "Install the add-on in Blender"}
+    bars = {name: progress.add_task(titles[name], total=totals[name], start=False) for name in names}
+    waiting = deque(names)
+    progress.start_task(bars["install"])
+    with os.fdopen(read_end) as pipe:
+        for line in pipe:
+            told = json.loads(line)
+            event, name = told.pop("event"), told.pop("name", "install")
+            if event == "failed":
+                return told["message"]
+            if event == "progress":
+                progress.update(bars[name], completed=totals[name] * told["done"] / max(told["total"], 1))
+                continue
+            if event == "installed":
+                rendered.versions.update(told)
+            else:
+                rendered.times[name] = told
+            progress.update(bars[name], completed=totals[name])
+            progress.stop_task(bars[name])
+            waiting.remove(name)
+            if waiting:
+                progress.start_task(bars[waiting[0]])
+    return None
+
+
+def clean_environment() -> dict[str, str]:
+    """Ours without what would lead Blender's Python to this environment's packages."""
+    return {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV", "BLENDER_"))}

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""report.json and its short form on the console."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+
+def assemble(
+    settings: dict,
+    versions: dict,
+    titles: dict[str, str],
+    built: dict,
+    build_seconds: dict[str, float],
+    sample_nanoseconds: dict[str, float],
+    renders: dict[str, dict],
+    errors: dict[str, dict],
+) -> dict:
+    """The report as plain data; times are in the units their names tell."""
+    inversion_bytes = built["inversion"].nbytes
+    methods = {}
+    for name, title in titles.items():
+        sampler = built[name]
+        entry = {
+            "title": title,
+            "table_bytes": int(sampler.nbytes),
+            "inversion_bytes_ratio": inversion_bytes / sampler.nbytes,
+            "build_seconds": build_seconds[name],
+            "sample_nanoseconds": sample_nanoseconds[name],
+            "inversion_time_ratio": sample_nanoseconds["inversion"] / sample_nanoseconds[name],
+            "inversion_binary_time_ratio": sample_nanoseconds["inversion_binary"] / sample_nanoseconds[name],
+            "render": renders[name],
+            "error": errors[name],
+        }
+        if hasattr(sampler, "alpha"):
+            entry |= {
+                "alpha": float(sampler.alpha),
+                "fit_error_rms": float(sampler.fit_error),
+                "blocks": int(sampler.block_count),
+            }
+        methods[name] = entry
+    return {
+        "settings": settings,
+        "versions": versions,
+        "inversion_binary": {
+            "sample_nanoseconds": sample_nanoseconds["inversion_binary"],
+            "table_bytes": int(built["inversion_binary"].nbytes),
+            "build_seconds": build_seconds["inversion_binary"],
+        },
+        "methods": methods,
+        "reference": {name: times for name, times in renders.items() if name.startswith("reference")},
+    }
+
+
+def bytes_text(count: float) -> str:
+    """1536 -> '1.5 KB' (1 KB = 1024 bytes)."""
+    if count < 1 << 20:
+        return f"{count / 1024:.1f} KB"
+    return f"{count / (1 << 20):.2f} MB"
+
+
+def print_table(report: dict, console: Console) -> None:
+    """The figures that matter, a line a method."""
+    settings = report["settings"]
+    title = (
+        f"{settings['map']} {settings['map_size'][0]}×{settings['map_size'][1]},
+        {settings['samples_per_pixel']} samples " f"per pixel against a reference of
+        {settings['reference_samples_per_pixel']}"
+    )
+    table = Table(title=title)
+    table.add_column("")
+    for heading in ("tables", "build", "a sample", "render", "nRMSE", "nRMSE tc", "relMSE", "mean"):
+        table.add_column(heading, justify="right")
+    for entry in report["methods"].values():
+        error = entry["error"]
+        table.add_row(
+            entry["title"],
+            bytes_text(entry["table_bytes"]),
+            f"{1e3 * entry['build_seconds']:.1f} ms",
+            f"{entry['sample_nanoseconds']:.1f} ns",
+            f"{entry['render'].get('render_s', entry['render']['wall_seconds']):.2f} s",
+            f"{error['nrmse']:.4f}",
+            f"{error['nrmse_tc']:.4f}",
+            f"{error['relmse']:.4f}",
+            f"{100 * error['mean_difference']:+.2f} %",
+        )
+    console.print(table)
+    paper = report["methods"]["kdtree_paper"]
+    binary = report["inversion_binary"]
+    console.print(
+        f"α = {paper['alpha']:.4g}, fit error (rms) {paper['fit_error_rms']:.2e}, {paper['blocks']} blocks;
+        its tables are " f"{paper['inversion_bytes_ratio']:.0f} times smaller than inversion's, a sample costs
+        1/" f"{paper['inversion_time_ratio']:.1f} of inversion with a guide table and 1/"
+        f"{paper['inversion_binary_time_ratio']:.1f} of binary search ({binary['sample_nanoseconds']:.1f}
+        ns).", highlight=False,
+    )

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The demo scene, built by code inside Blender: the teapot in chrome steel among spheres of six materials on
+a round table, lit by an environment map alone, as in Figures 3 and 6 of Ergun, Kurt, Ozturk, "Real-time Kd-
+tree Based
+Importance Sampling of Environment Maps" (SCCG 2012). Works in every engine that knows Blender's own nodes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+import teapot
+
+TABLE_PROFILE = [
+    (0.0, -0.35), (1.5, -0.35), (3.0, -0.35), (4.55, -0.35), (4.68, -0.35), (4.75, -0.28),
+    (4.75, -0.175), (4.75, -0.07), (4.68, 0.0), (4.55, 0.0), (3.0, 0.0), (1.5, 0.0), (0.0, 0.0),
+]  # fmt: skip
+
+# name, (x, y, radius), material. The row reads as the paper's Figure 6: from matte to mirror.
+SPHERES = [
+    ("Diffuse", (-2.25, -1.35, 0.52)),
+    ("Principled plastic", (-1.08, -1.95, 0.48)),
+    ("Glossy 0.5", (0.12, -2.15, 0.48)),
+    ("Glossy 0.2", (1.3, -1.85, 0.5)),
+    ("Anisotropic", (2.35, -1.1, 0.55)),
+    ("Gold", (2.35, 0.75, 0.85)),
+]
+
+
+def build(scene: bpy.types.Scene, hdri: Path, rotation: float = 0.0) -> None:
+    """Fills an empty scene with objects, camera and a world lit by the map, turned by rotation radians about
+    +Z."""
+    materials = make_materials()
+    pot = add_mesh(scene, "Teapot", teapot.teapot(segments=16), materials["Chrome steel"])
+    pot.scale = (0.62,) * 3
+    pot.rotation_euler = (0, 0, math.radians(-28))
+    pot.location = (-0.35, 0.35, 0)
+    add_mesh(scene, "Table", teapot.tessellate(teapot.lathe_patches(TABLE_PROFILE), 16), materials["Table"])
+    for name, (x, y, radius) in SPHERES:
+        ball = add_mesh(scene, name, sphere(48), materials[name])
+        ball.scale = (radius,) * 3
+        ball.location = (x, y, radius)
+    add_camera(scene, position=(0.5, -9.2, 2.05), target=(0.1, 0.0, 0.8), lens=46)
+    add_world(scene, hdri, rotation)
+
+
+def sphere(segments: int) -> teapot.Mesh:
+    """Unit sphere of 2 segments x segments quadrilaterals (triangles at the poles), about the origin."""
+    theta, phi = np.linspace(0, np.pi, segments + 1), np.arange(2 * segments) * np.pi / segments
+    ring = np.sin(theta[1:-1, None, None]) * np.stack([np.cos(phi), np.sin(phi), 0 * phi], -1)
+    ring[..., 2] = np.cos(theta[1:-1, None])
+    vertices = np.concatenate([[(0, 0, 1)], ring.reshape(-1, 3), [(0, 0, -1)]])
+    column = np.arange(2 * segments)
+    beside, rows = (column + 1) % (2 * segments), np.arange(segments - 2)[:, None] * 2 * segments + 1
+    upper, upper_beside = rows + column, rows + beside
+    lower, lower_beside = upper + 2 * segments, upper_beside + 2 * segments
+    last = len(vertices) - 1
+    triangles = [
+        np.stack([0 * column, 1 + column, 1 + beside], -1),
+        np.stack([upper, lower, lower_beside], -1).reshape(-1, 3),
+        np.stack([upper, lower_beside, upper_beside], -1).reshape(-1, 3),
+        np.stack([0 * column + last, last - 2 * segments + beside, last - 2 * segments + column], -1),
+    ]
+    return teapot.Mesh(vertices, vertices, np.concatenate(triangles).astype(np.int32))
+
+
+def add_mesh(
+    scene: bpy.types.Scene, name: str, shape: teapot.Mesh, material: bpy.types.Material
+) -> bpy.types.Object:
+    """A new object of the shape with its exact normals."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(shape.vertices.tolist(), [], shape.triangles.tolist())
+    mesh.polygons.foreach_set("use_smooth", [True] * len(shape.triangles))
+    if hasattr(mesh, "use_auto_smooth"):  # Blender < 4.1 ignores custom normals without it
+        mesh.use_auto_smooth = True
+    mesh.normals_split_custom_set_from_vertices(shape.normals.tolist())
+    mesh.materials.append(material)
+    thing = bpy.data.objects.new(name, mesh)
+    scene.collection.objects.link(thing)
+    return thing
+
+
+def make_materials() -> dict[str, bpy.types.Material]:
+    """Every material by name."""
+    glossy = "ShaderNodeBsdfGlossy"
+    aniso = "ShaderNodeBsdfAnisotropic"  # until Blender 4.0 a node of its own
+    if hasattr(bpy.types, glossy) and "Anisotropy" in _sockets(glossy):
+        aniso = glossy
+    plastic = {"Base Color": (0.02, 0.16, 0.5, 1), "Roughness": 0.25}
+    return {
+        "Chrome steel": _material(
+            "Chrome steel", glossy, {"Color": (0.62, 0.63, 0.64, 1), "Roughness": 0.18}
+        ),
+        "Table": _material("Table", "ShaderNodeBsdfDiffuse", {"Color": (0.36, 0.34, 0.32, 1)}),
+        "Diffuse": _material("Diffuse", "ShaderNodeBsdfDiffuse", {"Color": (0.66, 0.17, 0.1, 1)}),
+        "Principled plastic": _material("Principled plastic", "ShaderNodeBsdfPrincipled", plastic),
+        "Glossy 0.5": _material("Glossy 0.5", glossy, {"Color": (0.75, 0.75, 0.75, 1), "Roughness": 0.5}),
+        "Glossy 0.2": _material("Glossy 0.2", glossy, {"Color": (0.9, 0.56, 0.42, 1), "Roughness": 0.2}),
+        "Anisotropic": _material(
+            "Anisotropic", aniso, {"Color": (0.72, 0.74, 0.78, 1), "Roughness": 0.35, "Anisotropy": 0.8}
+        ),
+        "Gold": _material("Gold", glossy, {"Color": (1.0, 0.72, 0.32, 1), "Roughness": 0.3}),
+    }
+
+
+def _sockets(node_type: str) -> list[str]:
+    probe = bpy.data.materials.new("probe")
+    if probe.node_tree is None:
+        probe.use_nodes = True
+    names = [socket.name for socket in probe.node_tree.nodes.new(node_type).inputs]
+    bpy.data.materials.remove(probe)
+    return names
+
+
+def _material(name: str, node_type: str, inputs: dict) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:  # from Blender 5.0 on it is there, and touching use_nodes warns
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output = tree.nodes.new(node_type), tree.nodes.new("ShaderNodeOutputMaterial")
+    if hasattr(shader, "distribution") and node_type != "ShaderNodeBsdfPrincipled":
+        shader.distribution = "GGX"  # Blender's default, Multiscatter GGX, is another model
+    for socket, value in inputs.items():
+        shader.inputs[socket].default_value = value
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def add_camera(scene: bpy.types.Scene, position: tuple, target: tuple, lens: float) -> None:
+    """The scene's camera at position, looking at target, +Z up."""
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.lens = lens
+    camera.location = position
+    direction = np.subtract(target, position)
+    pitch, heading = (
+        math.atan2(-direction[2], math.hypot(*direction[:2])),
+        math.atan2(-direction[0], direction[1]),
+    )
+    camera.rotation_euler = (math.pi / 2 - pitch, 0, heading)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def add_world(scene: bpy.types.Scene, hdri: Path, rotation: float) -> None:
+    """A world whose background is the lat-long map, turned by rotation radians about +Z."""
+    world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    tree = world.node_tree
+    tree.nodes.clear()
+    coordinates, mapping, picture, background, output = (
+        tree.nodes.new(kind)
+        for kind in (
+            "ShaderNodeTexCoord",
+            "ShaderNodeMapping",
+            "ShaderNodeTexEnvironment",
+            "ShaderNodeBackground",
+            "ShaderNodeOutputWorld",
+        )
+    )
+    picture.image = bpy.data.images.load(str(hdri))
+    mapping.inputs["Rotation"].default_value = (0, 0, rotation)
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], picture.inputs["Vector"])
+    tree.links.new(picture.outputs["Color"], background.inputs["Color"])
+    tree.links.new(background.outputs["Background"], output.inputs["Surface"])
+    scene.world = world
