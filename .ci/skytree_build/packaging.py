@@ -44,21 +44,15 @@ def build_wheel() -> Path:
         digest = content_hash([*sources, ROOT / "cuda", ROOT / "README.md"], sorted(pythons.items()))
         if not up_to_date(stamp, digest, wheel):
             with tempfile.TemporaryDirectory(dir=BUILD) as made:
-                command = [
-                    tools,
-                    "-m",
-                    "pip",
-                    "wheel",
-                    "-v",
-                    "--no-build-isolation",
-                    "--no-deps",
-                    "-w",
-                    made,
-                    ROOT,
-                ]
-                command += ["-C", f"build-dir={BUILD / 'native-wheel'}", "-C", f"wheel.tags={';'.join(tags)}"]
-                command += ["-C", f"cmake.define.SKYTREE_PYTHONS={';'.join(map(str, pythons.values()))}"]
-                command += ["-C", f"cmake.define.SKYTREE_PYBIND11_INCLUDE={pybind11_include(tools)}"]
+                settings = {
+                    "build-dir": BUILD / "native-wheel",
+                    "wheel.tags": ";".join(tags),
+                    "cmake.define.SKYTREE_PYTHONS": ";".join(map(str, pythons.values())),
+                    "cmake.define.SKYTREE_PYBIND11_INCLUDE": pybind11_include(tools),
+                }
+                command = [tools, "-m", "pip", "wheel", "-v", "--no-build-isolation", "--no-deps", "-w", made]
+                command += [f"--config-settings={key}={value}" for key, value in settings.items()]
+                command += [ROOT]
                 run("Build skytree_core", command, PATH=f"{tools.parent}:{os.environ['PATH']}")
                 DIST.mkdir(exist_ok=True)
                 for old in DIST.glob("skytree_core-*.whl"):
