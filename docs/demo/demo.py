@@ -21,7 +21,7 @@ from pathlib import Path
 
 import metrics
 import numpy as np
-import OpenImageIO as oiio
+import OpenImageIO
 import pictures
 import report
 import samplers
@@ -164,10 +164,10 @@ def read_map(file: Path) -> np.ndarray:
 
 def write_exr(file: Path, image: np.ndarray) -> None:
     """Writes (H,W,3) as 32-bit float."""
-    spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, oiio.FLOAT)
+    spec = OpenImageIO.ImageSpec(image.shape[1], image.shape[0], 3, OpenImageIO.FLOAT)
     spec["compression"] = "zip"
-    buffer = oiio.ImageBuf(spec)
-    buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
+    buffer = OpenImageIO.ImageBuf(spec)
+    buffer.set_pixels(OpenImageIO.ROI(), np.ascontiguousarray(image, np.float32))
     if not buffer.write(str(file)):
         raise DemoError(f"cannot write {file}: {buffer.geterror()}")
 

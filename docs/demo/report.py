@@ -63,10 +63,10 @@ def bytes_text(count: float) -> str:
 def print_table(report: dict, console: Console) -> None:
     """The figures that matter, a line a method."""
     settings = report["settings"]
+    width, height = settings["map_size"]
     title = (
-        f"{settings['map']} {settings['map_size'][0]}×{settings['map_size'][1]},
-        {settings['samples_per_pixel']} samples " f"per pixel against a reference of
-        {settings['reference_samples_per_pixel']}"
+        f"{settings['map']} {width}×{height}, {settings['samples_per_pixel']} samples per pixel "
+        f"against a reference of {settings['reference_samples_per_pixel']}"
     )
     table = Table(title=title)
     table.add_column("")
@@ -89,9 +89,10 @@ def print_table(report: dict, console: Console) -> None:
     paper = report["methods"]["kdtree_paper"]
     binary = report["inversion_binary"]
     console.print(
-        f"α = {paper['alpha']:.4g}, fit error (rms) {paper['fit_error_rms']:.2e}, {paper['blocks']} blocks;
-        its tables are " f"{paper['inversion_bytes_ratio']:.0f} times smaller than inversion's, a sample costs
-        1/" f"{paper['inversion_time_ratio']:.1f} of inversion with a guide table and 1/"
-        f"{paper['inversion_binary_time_ratio']:.1f} of binary search ({binary['sample_nanoseconds']:.1f}
-        ns).", highlight=False,
+        f"α = {paper['alpha']:.4g}, fit error (rms) {paper['fit_error_rms']:.2e}, {paper['blocks']} blocks. "
+        f"Tables {paper['inversion_bytes_ratio']:.0f} times smaller than inversion's; a sample costs "
+        f"1/{paper['inversion_time_ratio']:.1f} of inversion with a guide table and "
+        f"1/{paper['inversion_binary_time_ratio']:.1f} of inversion by binary search "
+        f"({binary['sample_nanoseconds']:.1f} ns).",
+        highlight=False,
     )
