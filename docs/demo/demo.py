@@ -26,7 +26,8 @@ import pictures
 import report
 import samplers
 import skytree_core
-from renders import QUICK, DemoError, Order, Quality, render_all
+from blender_process import BlenderError
+from renders import QUICK, Order, Quality, render_all
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -46,13 +47,17 @@ CROPS = [
 ]
 
 
+class DemoError(Exception):
+    """Something the user can mend; the message says how."""
+
+
 def main() -> int:
     arguments = parse(sys.argv[1:])
     console = Console()
     started = time.perf_counter()
     try:
         summary = run(arguments, console)
-    except DemoError as error:
+    except (DemoError, BlenderError) as error:
         console.print(f"demo: {error}", style="red", markup=False, highlight=False)
         return 1
     report.print_table(summary, console)

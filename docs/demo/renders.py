@@ -5,23 +5,14 @@ run."""
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-import subprocess
-import tempfile
 import zipfile
-from collections import deque
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from blender_process import run_in_blender
 from rich.progress import Progress
 
 HERE = Path(__file__).resolve().parent
-
-
-class DemoError(Exception):
-    """Something the user can mend; the message says how."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +65,7 @@ class Rendered:
 def render_all(order: Order, out: Path, cache: Path, progress: Progress) -> Rendered:
     """Renders every method to out/NAME.exr, and the reference's halves to cache unless they are there.
 
-    Raises DemoError with the end of Blender's log when Blender fails.
+    Raises BlenderError when Blender fails.
     """
     reference = [cache / f"reference-{order.reference_key()}-{half}.exr" for half in "ab"]
     partial = [file.with_suffix(".part.exr") for file in reference]
@@ -103,6 +94,7 @@ def render_all(order: Order, out: Path, cache: Path, progress: Progress) -> Rend
 
 
 def _run_blender(order: Order, jobs: list[dict], cache: Path, rendered: Rendered, progress: Progress) -> None:
+    """Renders the jobs, moves a bar for each, fills in times and versions."""
     quality = order.quality
     description = {
         "zip": str(order.addon.resolve()),
@@ -113,61 +105,23 @@ def _run_blender(order: Order, jobs: list[dict], cache: Path, rendered: Rendered
         "max_bounces": quality.max_bounces,
         "renders": jobs,
     }
-    log = cache / "blender.log"
-    with tempfile.TemporaryDirectory(prefix="user-", dir=cache) as user_folder, log.open("w") as output:
-        job_file = Path(user_folder) / "job.json"
-        job_file.write_text(json.dumps(description))
-        read_end, write_end = os.pipe()
-        blender = subprocess.Popen(
-            [str(order.blender_python), str(HERE / "blender_part.py"), str(job_file), str(write_end)],
-            env={**clean_environment(), "BLENDER_USER_RESOURCES": user_folder},
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            pass_fds=[write_end],
-        )
-        os.close(write_end)
-        try:
-            failure = _follow(read_end, jobs, rendered, progress)
-            code = blender.wait()
-        finally:
-            with suppress(ProcessLookupError):
-                blender.kill()
-            blender.wait()
-    if failure or code:
-        tail = "".join(deque(log.open(errors="replace"), maxlen=12))
-        raise DemoError(f"Blender: {failure or f'ended with code {code}'}\n{tail}The whole log: {log}")
-
-
-def _follow(read_end: int, jobs: list[dict], rendered: Rendered, progress: Progress) -> str | None:
-    """Moves the bars as Blender tells, fills in times and versions; -> message of a failure."""
     names = ["install", *(job["name"] for job in jobs)]
     totals = dict(zip(names, [1, *(job["samples"] for job in jobs)], strict=True))
     titles = {name: f"Render {name}" for name in names} | {"install": "Install the add-on in Blender"}
     bars = {name: progress.add_task(titles[name], total=totals[name], start=False) for name in names}
-    waiting = deque(names)
     progress.start_task(bars["install"])
-    with os.fdopen(read_end) as pipe:
-        for line in pipe:
-            told = json.loads(line)
-            event, name = told.pop("event"), told.pop("name", "install")
-            if event == "failed":
-                return told["message"]
-            if event == "progress":
-                progress.update(bars[name], completed=totals[name] * told["done"] / max(told["total"], 1))
-                continue
-            if event == "installed":
-                rendered.versions.update(told)
-            else:
-                rendered.times[name] = told
-            progress.update(bars[name], completed=totals[name])
-            progress.stop_task(bars[name])
-            waiting.remove(name)
-            if waiting:
-                progress.start_task(bars[waiting[0]])
-    return None
-
-
-def clean_environment() -> dict[str, str]:
-    """Ours without what would lead Blender's Python to this environment's packages."""
-    return {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV", "BLENDER_"))}
+    blender = [str(order.blender_python)]
+    for told in run_in_blender(blender, HERE / "blender_part.py", description, cache / "blender.log"):
+        event, name = told.pop("event"), told.pop("name", "install")
+        if event == "progress":
+            progress.update(bars[name], completed=totals[name] * told["done"] / max(told["total"], 1))
+            continue
+        if event == "installed":
+            rendered.versions.update(told)
+        else:
+            rendered.times[name] = told
+        progress.update(bars[name], completed=totals[name])
+        progress.stop_task(bars[name])
+        names.remove(name)
+        if names:
+            progress.start_task(bars[names[0]])
