@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Skytree: a render engine whose light comes from HDRIs, sampled through a kd-tree.
+
+Blender 4.2 and later read blender_manifest.toml; bl_info is for earlier versions.
+"""
+
+bl_info = {
+    "name": "Skytree",
+    "author": "The Skytree developers",
+    "version": (0, 0, 0),
+    "blender": (3, 4, 0),
+    "location": "Render Properties > Render Engine > Skytree",
+    "description": "Path tracer lit by HDRIs through kd-tree importance sampling",
+    "category": "Render",
+}
+
+# Reloading the add-on has to reload its modules too.
+if "engine" in locals():
+    import importlib
+    import sys
+
+    for _name in [name for name in sys.modules if name.startswith(__package__ + ".")]:
+        importlib.reload(sys.modules[_name])
+
+from . import engine, panels, presets, properties  # noqa: E402
+
+_MODULES = (properties, presets, engine, panels)
+
+
+def register():
+    done = []
+    try:
+        for module in _MODULES:
+            module.register()
+            done.append(module)
+    except Exception:
+        for module in reversed(done):
+            module.unregister()
+        raise
+
+
+def unregister():
+    for module in reversed(_MODULES):
+        module.unregister()

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine SKYTREE: final renders, with a window or in background."""
+
+from __future__ import annotations
+
+import atexit
+import time
+import traceback
+
+import bpy
+import numpy as np
+
+from . import native, status
+from .camera import CameraProblem, Film, camera_matrices, film_of
+from .messages import Messages
+from .sync import SceneSync
+
+POLL_SECONDS = 0.05
+FIRST_UPDATE_SECONDS = 0.25
+# A picture that grows need not be shown more often than every tenth of the time it took so far.
+UPDATE_SHARE = 0.1
+
+
+class SkytreeRenderEngine(bpy.types.RenderEngine):
+    bl_idname = "SKYTREE"
+    bl_label = "Skytree"
+    bl_use_shading_nodes_custom = False
+    bl_use_eevee_viewport = True
+
+    def render(self, depsgraph):
+        """Called by Blender once for every view layer; must not raise: the last picture stays if it fails."""
+        try:
+            self._render(depsgraph)
+        except CameraProblem as error:
+            self._fail(str(error))
+        except native.CoreUnavailable as error:
+            self._fail(str(error))
+        except (ValueError, RuntimeError, MemoryError) as error:
+            self._fail(f"Skytree could not render: {error or type(error).__name__}")
+        except Exception as error:  # A bug of ours must not look like a crash of Blender.
+            traceback.print_exc()
+            self._fail(
+                f"Skytree could not render because of a bug: {type(error).__name__}: {error}. "
+                "The console has the details"
+            )
+
+    def _fail(self, text: str):
+        status.last.messages.error(text)
+        self.error_set(text)
+
+    def _render(self, depsgraph):
+        scene = depsgraph.scene_eval
+        settings = scene.skytree
+        status.last.messages.clear()
+        film = film_of(scene.render)
+
+        started = time.perf_counter()
+        self.update_stats("", "Skytree: reading the scene")
+        camera = camera_matrices(scene.camera, self, depsgraph, film)
+        sync = SceneSync()
+        sync.sync(depsgraph)
+        sync.set_camera(*camera)
+        self._explain_device(settings, sync.messages)
+        status.last.update(sync)
+        self._report(sync.messages)
+        if self.test_break():
+            return
+        sync_seconds = time.perf_counter() - started
+
+        session = native.core().RenderSession(threads=thread_count(scene.render))
+        session.start(
+            sync.scene,
+            film.width,
+            film.height,
+            settings.samples,
+            max_bounces=settings.max_bounces,
+            seed=settings.seed,
+            pixel_filter=settings.pixel_filter,
+            filter_width=settings.filter_width,
+            region=film.region,
+            film_transparent=scene.render.film_transparent,
+        )
+        try:
+            self._follow(session, film, settings.samples, depsgraph.view_layer.name)
+        finally:
+            session.cancel()
+        if session.error:
+            raise RuntimeError(session.error)
+        bpy.app.driver_namespace["peer_stats"] = {"render_s": session.render_seconds, "sync_s": sync_seconds}
+
+    def _follow(self, session, film: Film, samples: int, layer: str):
+        """Shows progress until the session has finished or the user presses Esc."""
+        started = last_update = time.perf_counter()
+        interval = FIRST_UPDATE_SECONDS
+        while not session.wait(POLL_SECONDS):
+            if self.test_break():
+                session.cancel()
+                break
+            now = time.perf_counter()
+            done = session.samples_done
+            self.update_progress(done / samples)
+            self.update_stats("", f"Skytree: sample {done}/{samples}")
+            if not bpy.app.background and done and now - last_update > interval:
+                self._write(session, film, layer)
+                last_update = time.perf_counter()
+                interval = max(FIRST_UPDATE_SECONDS, UPDATE_SHARE * (last_update - started))
+        if session.error is None and session.samples_done:
+            self._write(session, film, layer)
+            self.update_progress(session.samples_done / samples)
+
+    def _write(self, session, film: Film, layer: str):
+        width, height = film.region_size
+        result = self.begin_result(0, 0, width, height, layer=layer)
+        set_pass(result.layers[0].passes["Combined"], session.pixels())
+        self.end_result(result)
+
+    def _explain_device(self, settings, messages: Messages):
+        if settings.device == "CUDA":
+            messages.warn(f"{cuda_problem()}; the CPU renders instead")
+
+    def _report(self, messages: Messages):
+        for severity, text in messages:
+            if severity != "INFO":
+                self.report({severity}, text)
+
+
+def cuda_problem() -> str | None:
+    """Why CUDA cannot be used, or None if it can."""
+    if any(device["type"] == "CUDA" for device in map(_device, native.core().devices())):
+        return None
+    return "No CUDA device is available to this version of Skytree"
+
+
+def _device(device) -> dict:
+    return device if isinstance(device, dict) else {"type": device.type, "name": device.name}
+
+
+def thread_count(render) -> int:
+    """0: all cores."""
+    return render.threads if render.threads_mode == "FIXED" else 0
+
+
+def set_pass(render_pass, pixels: np.ndarray):
+    """`pixels`: float32 (height, width, 4), bottom row first."""
+    flat = np.ascontiguousarray(pixels, np.float32)
+    try:
+        render_pass.rect.foreach_set(flat.reshape(-1))
+    except TypeError:
+        # Blender 3.4 wants pixels as the outer dimension.
+        render_pass.rect.foreach_set(flat.reshape(-1, 4))
+
+
+def _unregister_at_exit():
+    # Blender 4.5 as a Python module waits forever in exit() while an engine written in Python is registered.
+    try:
+        bpy.utils.unregister_class(SkytreeRenderEngine)
+    except RuntimeError:
+        pass
+
+
+def register():
+    bpy.utils.register_class(SkytreeRenderEngine)
+    atexit.register(_unregister_at_exit)
+
+
+def unregister():
+    atexit.unregister(_unregister_at_exit)
+    bpy.utils.unregister_class(SkytreeRenderEngine)

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a sync or a render has to tell the user: each sentence once, in order."""
+
+from __future__ import annotations
+
+SEVERITIES = ("INFO", "WARNING", "ERROR")
+
+
+class Messages:
+    """An ordered set of (severity, text); a text names the thing, what is wrong, and what is shown instead."""
+
+    def __init__(self):
+        self._entries: dict[str, str] = {}
+
+    def info(self, text: str):
+        self._entries.setdefault(text, "INFO")
+
+    def warn(self, text: str):
+        self._entries.setdefault(text, "WARNING")
+
+    def error(self, text: str):
+        self._entries.setdefault(text, "ERROR")
+
+    def extend(self, other: Messages):
+        for text, severity in other._entries.items():
+            self._entries.setdefault(text, severity)
+
+    def clear(self):
+        self._entries.clear()
+
+    def __iter__(self):
+        return ((severity, text) for text, severity in self._entries.items())
+
+    def __len__(self):
+        return len(self._entries)
+
+    def texts(self) -> list[str]:
+        return list(self._entries)

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings that are saved with the scene (scene.skytree) and with materials (material.skytree)."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+)
+
+SAMPLERS = (
+    (
+        "KDTREE",
+        "Kd-tree",
+        "Blocks of the map from a kd-tree (Ergun, Kurt, Ozturk 2012): small tables, one look-up a sample",
+    ),
+    ("INVERSION", "Inversion", "Marginal and conditional distributions of all texels, inverted"),
+    ("ALIAS", "Alias Table", "Walker's alias table over all texels"),
+    ("UNIFORM", "Uniform", "Uniform directions: no importance sampling of the map"),
+)
+SPLIT_CRITERIA = (
+    ("RANGE", "Range", "Split the block with the largest difference of radiance"),
+    ("VARIANCE", "Variance", "Split the block with the largest variance of radiance"),
+    ("SSE", "Squared Error", "Split the block with the largest sum of squared errors, as the paper does"),
+    (
+        "MIN_VARIANCE",
+        "Minimum Variance",
+        "Choose block and plane that most reduce the variance of the light samples",
+    ),
+)
+BLOCK_PROBABILITIES = (
+    ("FITTED", "Fitted", "The paper's one-parameter model of the sorted probabilities"),
+    ("EXACT", "Exact", "Proportional to the power of a block"),
+    (
+        "MIN_VARIANCE",
+        "Minimum Variance",
+        "Proportional to the root of solid angle times squared radiance: least variance with constant blocks",
+    ),
+)
+PIXEL_FILTERS = (
+    ("BOX", "Box", "Mean over the filter width"),
+    ("GAUSSIAN", "Gaussian", "Gaussian"),
+    ("BLACKMAN_HARRIS", "Blackman-Harris", "Close to a Gaussian, sharper; the same as Cycles' default"),
+)
+DEVICES = (
+    ("CPU", "CPU", "Render on all threads that Blender may use"),
+    ("CUDA", "CUDA", "Render on an NVIDIA GPU; where there is none the CPU renders and a message says so"),
+)
+
+
+class SkytreeSceneSettings(bpy.types.PropertyGroup):
+    samples: IntProperty(
+        name="Samples",
+        default=64,
+        min=1,
+        soft_max=4096,
+        max=1 << 20,
+        description="Paths per pixel of a final render",
+    )
+    preview_samples: IntProperty(
+        name="Preview Samples",
+        default=256,
+        min=1,
+        soft_max=4096,
+        max=1 << 20,
+        description="Paths per pixel after which the viewport stops refining",
+    )
+    max_bounces: IntProperty(
+        name="Max Bounces",
+        default=4,
+        min=0,
+        soft_max=16,
+        max=64,
+        description="Bounces between surfaces; 0: only the environment as the first surface sees it",
+    )
+    seed: IntProperty(
+        name="Seed",
+        default=0,
+        min=0,
+        description="Start of the random numbers: the same seed gives the same picture, to the bit, "
+        "for any number of threads",
+    )
+    device: EnumProperty(name="Device", items=DEVICES, default="CPU", description="What renders")
+    sampler: EnumProperty(
+        name="Sampler",
+        items=SAMPLERS,
+        default="KDTREE",
+        description="How directions towards the world are chosen",
+    )
+    block_count: IntProperty(
+        name="Blocks",
+        default=1024,
+        min=1,
+        soft_max=8192,
+        max=1 << 20,
+        description="Blocks that the kd-tree cuts the map into; 1024 need less than 48 KB for any map",
+    )
+    split_criterion: EnumProperty(
+        name="Split",
+        items=SPLIT_CRITERIA,
+        default="MIN_VARIANCE",
+        description="Which block is split next, and where",
+    )
+    block_probability: EnumProperty(
+        name="Probability",
+        items=BLOCK_PROBABILITIES,
+        default="MIN_VARIANCE",
+        description="With which probability a block is chosen",
+    )
+    pixel_filter: EnumProperty(
+        name="Pixel Filter",
+        items=PIXEL_FILTERS,
+        default="BLACKMAN_HARRIS",
+        description="How samples are weighted around a pixel's centre",
+    )
+    filter_width: FloatProperty(
+        name="Width",
+        default=1.5,
+        min=0.01,
+        soft_max=4.0,
+        max=10.0,
+        precision=2,
+        subtype="PIXEL",
+        description="Whole width of the pixel filter, in pixels",
+    )
+
+
+class SkytreeMaterialSettings(bpy.types.PropertyGroup):
+    use_ward: BoolProperty(
+        name="Anisotropic Ward",
+        default=False,
+        description="Show this material with Ward's anisotropic reflection model instead of its nodes "
+        "(Skytree alone knows this setting)",
+    )
+    ward_alpha_x: FloatProperty(
+        name="Alpha X",
+        default=0.5,
+        min=0.001,
+        max=1.0,
+        precision=3,
+        description="Standard deviation of the surface slope along the tangent",
+    )
+    ward_alpha_y: FloatProperty(
+        name="Alpha Y",
+        default=0.1,
+        min=0.001,
+        max=1.0,
+        precision=3,
+        description="Standard deviation of the surface slope across the tangent",
+    )
+    ward_rotation: FloatProperty(
+        name="Rotation",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        description="Turns of the tangent about the normal",
+    )
+    ward_color: FloatVectorProperty(
+        name="Color",
+        subtype="COLOR",
+        size=3,
+        default=(0.8, 0.8, 0.8),
+        min=0.0,
+        max=1.0,
+        description="Reflectance",
+    )
+
+
+CLASSES = (SkytreeSceneSettings, SkytreeMaterialSettings)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.skytree = PointerProperty(type=SkytreeSceneSettings, name="Skytree")
+    bpy.types.Material.skytree = PointerProperty(type=SkytreeMaterialSettings, name="Skytree")
+
+
+def unregister():
+    del bpy.types.Material.skytree
+    del bpy.types.Scene.skytree
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
