@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import platform
 import re
@@ -18,6 +19,7 @@ VERSION: str = PROJECT["project"]["version"]
 ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
+@functools.cache
 def build_wheel() -> Path:
     """dist/skytree_core-….whl with a module for each Python found, also installed in build/venv."""
     require_packages("build")
@@ -110,6 +112,7 @@ def addon_files() -> dict[str, bytes]:
     return files
 
 
+@functools.cache
 def package() -> Path:
     """dist/skytree-<version>-linux-x64.zip: the add-on and its wheel; the same inputs give the same bytes."""
     wheel = build_wheel()

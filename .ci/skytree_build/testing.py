@@ -146,19 +146,19 @@ def test_lint() -> Outcome:
 
 
 def test_builder() -> Outcome:
-    python = environment("venv", "tools", "3.11")
-    return pytest("builder", [python, "-m", "pytest"], ROOT / ".ci")
+    archive, python = package(), environment("venv", "tools", "3.11")
+    return pytest("builder", [python, "-m", "pytest"], ROOT / ".ci" / "tests", SKYTREE_ZIP=archive)
 
 
 TEST_PARTS: dict[str, Callable[[], Outcome]] = {
     "lint": test_lint,
-    "builder": test_builder,
     "core": test_core,
     "python-3.11": lambda: test_python("3.11"),
     "python-3.13": lambda: test_python("3.13"),
     "blender-4.5": lambda: test_blender_module("4.5"),
     "blender-3.4": test_debian_blender,
     "blender-5.2": lambda: test_blender_module("5.2"),
+    "builder": test_builder,
     "sanitizers": test_sanitizers,
 }
 
