@@ -22,7 +22,7 @@ if sys.version_info < (3, 11):  # noqa: UP036 (told before the imports below fai
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / ".ci"))
 from skytree_build import environments
-from skytree_build.environments import blender_module, require_packages
+from skytree_build.environments import blender_module, environment, require_packages
 from skytree_build.packaging import DIST, build_native, build_wheel, megabytes, package
 from skytree_build.steps import BUILD, ROOT, BuildError, relative
 from skytree_build.testing import TEST_PARTS, run_tests
@@ -48,9 +48,10 @@ def command_test(options: argparse.Namespace) -> str:
 
 
 def command_demo(options: argparse.Namespace) -> str:
-    archive, python = package(), blender_module("4.5")
-    out = options.out.resolve()
-    command = [python, ROOT / "docs" / "demo" / "demo.py", "--zip", archive, "--out", out]
+    archive, blender = package(), blender_module("4.5")
+    python, out = environment("venv", "tools", "3.11"), options.out.resolve()
+    command = [python, ROOT / "docs" / "demo" / "demo.py", "--zip", archive, "--blender-python", blender]
+    command += ["--out", out]
     command += ["--hdri", options.hdri.resolve()] if options.hdri else []
     if subprocess.run([str(part) for part in [*command, *options.further]], cwd=ROOT).returncode:
         raise BuildError("The demo failed; what it printed above says why.")

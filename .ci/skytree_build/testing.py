@@ -100,6 +100,11 @@ def test_python(version: str) -> Outcome:
 PYTHON_GROUPS = {"3.11": "tools", "3.13": "core-test"}
 
 
+def test_demo() -> Outcome:
+    build_wheel()
+    return pytest("demo", [environment("venv", "tools", "3.11"), "-m", "pytest"], ROOT / "docs" / "demo")
+
+
 def test_blender_module(version: str) -> Outcome:
     if not find_python(BLENDERS[version]):
         return Outcome(note=f"left out: {left_out(BLENDERS[version])}")
@@ -155,6 +160,7 @@ TEST_PARTS: dict[str, Callable[[], Outcome]] = {
     "core": test_core,
     "python-3.11": lambda: test_python("3.11"),
     "python-3.13": lambda: test_python("3.13"),
+    "demo": test_demo,
     "blender-4.5": lambda: test_blender_module("4.5"),
     "blender-3.4": test_debian_blender,
     "blender-5.2": lambda: test_blender_module("5.2"),
