@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 
-class CameraProblem(ValueError):
+class CameraError(ValueError):
     """There is no picture without a usable camera; the text says why and what to do."""
 
 
@@ -39,13 +39,13 @@ def film_of(render) -> Film:
 
 
 def camera_matrices(camera, engine, depsgraph, film: Film) -> tuple[np.ndarray, np.ndarray]:
-    """(camera_to_world, projection) of an evaluated camera object; raises CameraProblem."""
+    """(camera_to_world, projection) of an evaluated camera object; raises CameraError."""
     if camera is None:
-        raise CameraProblem("The scene has no camera: add one (Add > Camera) or make one active")
+        raise CameraError("The scene has no camera: add one (Add > Camera) or make one active")
     if camera.type != "CAMERA":
-        raise CameraProblem(f'The scene\'s camera "{camera.name}" is no camera but a {camera.type.lower()}')
+        raise CameraError(f'The scene\'s camera "{camera.name}" is no camera but a {camera.type.lower()}')
     if camera.data.type not in {"PERSP", "ORTHO"}:
-        raise CameraProblem(
+        raise CameraError(
             f'Camera "{camera.name}": the type {camera.data.type.title()} is not supported; '
             "set it to Perspective or Orthographic"
         )
@@ -57,7 +57,7 @@ def camera_matrices(camera, engine, depsgraph, film: Film) -> tuple[np.ndarray, 
     to_world = np.array(engine.camera_model_matrix(camera) if engine else camera.matrix_world, np.float64)
     columns = np.linalg.norm(to_world[:3, :3], axis=0)
     if not (np.isfinite(to_world).all() and (columns > 0.0).all()):
-        raise CameraProblem(
+        raise CameraError(
             f'Camera "{camera.name}": its transform is not invertible; apply or reset its scale'
         )
     to_world[:3, :3] /= columns

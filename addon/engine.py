@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import time
 import traceback
 
@@ -11,7 +12,7 @@ import bpy
 import numpy as np
 
 from . import native, status
-from .camera import CameraProblem, Film, camera_matrices, film_of
+from .camera import CameraError, Film, camera_matrices, film_of
 from .messages import Messages
 from .sync import SceneSync
 
@@ -31,9 +32,9 @@ class SkytreeRenderEngine(bpy.types.RenderEngine):
         """Called by Blender once for every view layer; must not raise: the last picture stays if it fails."""
         try:
             self._render(depsgraph)
-        except CameraProblem as error:
+        except CameraError as error:
             self._fail(str(error))
-        except native.CoreUnavailable as error:
+        except native.CoreUnavailableError as error:
             self._fail(str(error))
         except (ValueError, RuntimeError, MemoryError) as error:
             self._fail(f"Skytree could not render: {error or type(error).__name__}")
@@ -152,10 +153,8 @@ def set_pass(render_pass, pixels: np.ndarray):
 
 def _unregister_at_exit():
     # Blender 4.5 as a Python module waits forever in exit() while an engine written in Python is registered.
-    try:
+    with contextlib.suppress(RuntimeError):
         bpy.utils.unregister_class(SkytreeRenderEngine)
-    except RuntimeError:
-        pass
 
 
 def register():

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Environment maps and their samplers, shared by all renders and viewports of this Blender.
 
-A sampler belongs to a map and to its settings; a rotation, a strength or a new depsgraph never builds it again.
+A sampler belongs to a map and to its settings; a rotation, a strength or a new depsgraph never builds it
+again.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class SamplerSettings:
 
     @classmethod
     def of(cls, settings) -> SamplerSettings:
-        """From scene.skytree; what a sampler does not look at is left at the default, so that it is no key."""
+        """From scene.skytree; what a sampler does not look at is left at the default, so that it is no
+        key."""
         if settings.sampler != "KDTREE":
             return cls(settings.sampler)
         return cls("KDTREE", settings.block_count, settings.split_criterion, settings.block_probability)

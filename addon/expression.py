@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
-from typing import Union
 
 import numpy as np
 
@@ -39,7 +38,7 @@ class Call:
     settings: tuple = ()
 
 
-Expression = Union[Constant, Leaf, Call]
+Expression = Constant | Leaf | Call
 
 BLACK = Constant((0.0, 0.0, 0.0))
 ONE = Constant((1.0,))

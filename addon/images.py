@@ -188,7 +188,8 @@ def mean_value(expression: ex.Expression, messages: Messages) -> float:
 
 
 def evaluate_texture(expression: ex.Expression) -> np.ndarray:
-    """Expression over the texels of its image leaves; the largest image sets the size, others are repeated."""
+    """Expression over the texels of its image leaves; the largest image sets the size, others are
+    repeated."""
     loaded = {leaf: leaf.source.texels() for leaf in ex.leaves(expression)}
     height = max((a.shape[0] for a in loaded.values()), default=1)
     width = max((a.shape[1] for a in loaded.values()), default=1)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lat-long maps in numpy: directions of texel centres and bilinear look-up, for maps that have to be resampled.
+"""Lat-long maps in numpy: directions of texel centres and bilinear look-up, for maps that have to be
+resampled.
 
 Conventions: docs/architecture.md (u = 0.5 - atan2(y, x) / 2 pi, row 0 at +Z), as Cycles has them.
 """
@@ -58,7 +59,8 @@ def resample(
     offset: np.ndarray,
     mirror_ball: bool = False,
 ) -> np.ndarray:
-    """Lat-long map whose texel in direction d is the image's value in direction normalize(matrix d + offset)."""
+    """Lat-long map whose texel in direction d is the image's value in direction normalize(matrix d +
+    offset)."""
     result = np.empty((height, width, image.shape[2]), np.float32)
     to_uv = mirror_ball_uv if mirror_ball else equirectangular_uv
     for start in range(0, height, ROWS_PER_CHUNK):

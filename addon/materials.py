@@ -24,7 +24,8 @@ MIN_WARD_ALPHA = 0.001
 
 @dataclass
 class MaterialClosures:
-    """Closures whose `..._texture` values are TextureSpecs still to be uploaded, and the UV layer they want."""
+    """Closures whose `..._texture` values are TextureSpecs still to be uploaded, and the UV layer they
+    want."""
 
     closures: list[dict] = field(default_factory=list)
     uv_map: str = ""

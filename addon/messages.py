@@ -7,7 +7,8 @@ SEVERITIES = ("INFO", "WARNING", "ERROR")
 
 
 class Messages:
-    """An ordered set of (severity, text); a text names the thing, what is wrong, and what is shown instead."""
+    """An ordered set of (severity, text); a text names the thing, what is wrong, and what is shown
+    instead."""
 
     def __init__(self):
         self._entries: dict[str, str] = {}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Finds skytree_core, the native core.
 
-Blender 4.2 and later install the wheel themselves. Blender 3.4 knows no wheels: there the one that lies in the
-add-on's wheels/ folder is unpacked once into the user's cache. SKYTREE_CORE_PATH names a folder that holds a
-freshly built skytree_core, for development.
+Blender 4.2 and later install the wheel themselves. Blender 3.4 knows no wheels: there the one that lies in
+the add-on's wheels/ folder is unpacked once into the user's cache. SKYTREE_CORE_PATH names a folder that
+holds a freshly built skytree_core, for development.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ PATH_VARIABLE = "SKYTREE_CORE_PATH"
 _core = None
 
 
-class CoreUnavailable(RuntimeError):
+class CoreUnavailableError(RuntimeError):
     """The native core cannot be loaded; the text says why and what to do."""
 
 
 def core():
-    """The module skytree_core; raises CoreUnavailable."""
+    """The module skytree_core; raises CoreUnavailableError."""
     global _core
     if _core is None:
         _core = _load()
@@ -42,19 +42,22 @@ def _load():
     except ModuleNotFoundError as error:
         # Something that skytree_core itself lacks is another problem than skytree_core missing.
         if error.name != "skytree_core":
-            raise CoreUnavailable(f"Skytree's native core does not load: {error}") from error
+            raise CoreUnavailableError(f"Skytree's native core does not load: {error}") from error
     except ImportError as error:
-        raise CoreUnavailable(_explain(error)) from error
+        raise CoreUnavailableError(_explain(error)) from error
     try:
         _prepend(unpack_wheel(_bundled_wheel(), cache_folder()))
         return importlib.import_module("skytree_core")
     except (ImportError, OSError, zipfile.BadZipFile) as error:
-        raise CoreUnavailable(_explain(error)) from error
+        raise CoreUnavailableError(_explain(error)) from error
 
 
 def _explain(error: Exception) -> str:
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
-    return f"Skytree's native core does not load in Python {python} on {sys.platform}: {error}. Install the zip again"
+    return (
+        f"Skytree's native core does not load in Python {python} on {sys.platform}: {error}. "
+        "Install the zip again"
+    )
 
 
 def _prepend(folder: str):
@@ -70,9 +73,9 @@ def _bundled_wheel() -> str:
     matching = [w for w in wheels if tag in os.path.basename(w)]
     if not matching:
         found = ", ".join(map(os.path.basename, wheels)) or "none"
-        raise CoreUnavailable(
-            f"Skytree's native core is missing: no wheel for {tag} in {folder} (found: {found}). Install Skytree from "
-            f"its release zip, or set {PATH_VARIABLE} to a folder that holds skytree_core"
+        raise CoreUnavailableError(
+            f"Skytree's native core is missing: no wheel for {tag} in {folder} (found: {found}). "
+            f"Install Skytree from its release zip, or set {PATH_VARIABLE} to the folder of a built skytree_core"
         )
     return matching[-1]
 
@@ -85,8 +88,8 @@ def cache_folder() -> str:
 def unpack_wheel(wheel: str, cache: str) -> str:
     """Folder with the wheel's files, named by its content's hash, so that versions lie side by side.
 
-    Unpacked beside its final name and then renamed, which is atomic: two Blenders that start together cannot see
-    half a folder. A folder whose files do not have the sizes in the wheel is unpacked again."""
+    Unpacked beside its final name and then renamed, which is atomic: two Blenders that start together cannot
+    see half a folder. A folder whose files do not have the sizes in the wheel is unpacked again."""
     with open(wheel, "rb") as stream:
         digest = hashlib.sha256(stream.read()).hexdigest()[:16]
     target = os.path.join(cache, digest)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Blender's colour and converter nodes compute, for numpy arrays with 1 or 3 channels on the last axis.
 
-The formulas follow Blender's manual (Shader Nodes > Color, Converter) and were checked against Cycles' pictures.
+The formulas follow Blender's manual (Shader Nodes > Color, Converter) and were checked against Cycles'
+pictures.
 """
 
 from __future__ import annotations

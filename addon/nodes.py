@@ -72,7 +72,8 @@ def follow(place: Place) -> tuple[Place | None, Place]:
 
 
 def active_output(node_tree, node_type: str):
-    """The output node that Cycles renders: `node_type` is OUTPUT_WORLD or OUTPUT_MATERIAL; None if there is none."""
+    """The output node that Cycles renders: `node_type` is OUTPUT_WORLD or OUTPUT_MATERIAL; None if there is
+    none."""
     candidates = [
         n for n in node_tree.nodes if n.type == node_type and n.target in {"ALL", "CYCLES"} and not n.mute
     ]
@@ -82,8 +83,8 @@ def active_output(node_tree, node_type: str):
 class NodeReader:
     """Reads values of one datablock's node tree.
 
-    `owner` names it in messages; `image_leaf(place, messages)` makes the expression of an image texture node's
-    output; `camera_ray` is what Light Path's Is Camera Ray says (0 for the lighting of a world).
+    `owner` names it in messages; `image_leaf(place, messages)` makes the expression of an image texture
+    node's output; `camera_ray` is what Light Path's Is Camera Ray says (0 for the lighting of a world).
     """
 
     def __init__(
@@ -259,7 +260,8 @@ def _combine(reader, output, node):
 def _light_path(reader, output, node):
     if output.socket.identifier == "Is Camera Ray":
         reader.messages.warn(
-            f"{reader.owner}: Light Path is read once for all rays, with Is Camera Ray = {reader.camera_ray:g}"
+            f"{reader.owner}: Light Path is read once for all rays, "
+            f"with Is Camera Ray = {reader.camera_ray:g}"
         )
         return ex.constant(reader.camera_ray)
     if output.socket.identifier.startswith("Is "):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels in the Render, World and Material properties, and Blender's own panels that work with this engine."""
+"""Panels in the Render, World and Material properties, and Blender's own panels that work with this
+engine."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import bpy
 
 from . import status
 from .engine import SkytreeRenderEngine, cuda_problem
-from .native import CoreUnavailable
+from .native import CoreUnavailableError
 from .presets import SKYTREE_PT_presets
 
 ENGINE = SkytreeRenderEngine.bl_idname
@@ -120,7 +121,7 @@ class SKYTREE_RENDER_PT_device(_RenderPanel, bpy.types.Panel):
 def _cuda_problem() -> str | None:
     try:
         return cuda_problem()
-    except CoreUnavailable as error:
+    except CoreUnavailableError as error:
         return str(error)
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keeps a native scene equal to a depsgraph, all of it or only what changed. Serves F12 and the viewport alike."""
+"""Keeps a native scene equal to a depsgraph, all of it or only what changed. Serves F12 and the viewport
+alike."""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ class SceneSync:
     """A native scene and what it was made from.
 
     `sync(depsgraph)` uploads everything that is not there yet; `update(depsgraph)` looks at depsgraph.updates
-    alone. No call may come while a session renders the scene: cancel it first. `counts` says how often each kind
-    of thing was uploaded; `messages` holds what could not be read."""
+    alone. No call may come while a session renders the scene: cancel it first. `counts` says how often each
+    kind of thing was uploaded; `messages` holds what could not be read."""
 
     def __init__(self):
         self.scene = native.core().Scene()

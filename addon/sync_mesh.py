@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles, normals and UVs of an evaluated object as numpy arrays, by the fastest call that each Blender has."""
+"""Triangles, normals and UVs of an evaluated object as numpy arrays, by the fastest call that each Blender
+has."""
 
 from __future__ import annotations
 

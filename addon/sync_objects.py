@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Objects of a depsgraph as meshes and instances of the native scene.
 
-A mesh is uploaded once for all instances that share it and again only when its geometry changed; an instance that
-only moved gets a new transform. What a pass over the depsgraph did not meet is removed afterwards.
+A mesh is uploaded once for all instances that share it and again only when its geometry changed; an instance
+that only moved gets a new transform. What a pass over the depsgraph did not meet is removed afterwards.
 """
 
 from __future__ import annotations
@@ -157,8 +157,8 @@ class ObjectSync:
 def _data_key(ob) -> tuple:
     """What tells the geometry of an evaluated object from others: objects without modifiers share their mesh.
 
-    The address of evaluated data tells generated instances of one object apart; alone it could be used again by
-    Blender for another object's data, so the owner's identity goes with it."""
+    The address of evaluated data tells generated instances of one object apart; alone it could be used again
+    by Blender for another object's data, so the owner's identity goes with it."""
     owner = ob if ob.type != "MESH" or ob.modifiers else ob.data
     return identity_of(owner), ob.data.as_pointer()
 

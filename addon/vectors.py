@@ -14,7 +14,8 @@ IDENTITY: Affine = (np.eye(3), np.zeros(3))
 
 
 def affine_direction(place: Place, reader: NodeReader) -> Affine:
-    """Coordinates of an Environment Texture as a function of the world's direction (unlinked: the direction)."""
+    """Coordinates of an Environment Texture as a function of the world's direction (unlinked: the
+    direction)."""
     return affine(place, reader, _direction_source, IDENTITY)
 
 
@@ -52,8 +53,8 @@ def affine(place: Place, reader: NodeReader, source, unlinked: Affine) -> Affine
         result = source(output, reader)
     if result is None:
         reader.messages.warn(
-            f'{reader.owner}: the coordinates from "{node.name}" ({node.bl_label}, {output.socket.name}) cannot be '
-            f'read; "{place.node.name}" is looked up without them'
+            f'{reader.owner}: the coordinates from "{node.name}" ({node.bl_label}, {output.socket.name}) '
+            f'cannot be read; "{place.node.name}" is looked up without them'
         )
         return unlinked
     return result
@@ -153,10 +154,12 @@ def _vector_rotate(output: Place, reader: NodeReader, source) -> Affine | None:
 
 
 def split_rotation(matrix: np.ndarray, offset: np.ndarray) -> Affine:
-    """(rotation, rest) with matrix = rest @ rotation up to a positive factor, which a look-up of directions ignores.
+    """(rotation, rest) with matrix = rest @ rotation up to a positive factor, which a look-up of directions
+    ignores.
 
     Polar decomposition by the SVD; the rotation is proper, so that a mirroring stays in the rest. With an
-    offset nothing can be taken out. The rest is rounded, so that turning a map gives the same rest each time."""
+    offset nothing can be taken out. The rest is rounded, so that turning a map gives the same rest each
+    time."""
     if np.any(offset):
         return np.eye(3), matrix
     u, sizes, vt = np.linalg.svd(matrix)

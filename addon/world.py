@@ -2,8 +2,9 @@
 """Reads Blender's world into one environment map, a rotation and a colour factor.
 
 The node tree is walked from its active output. The constant colour factor and, where all image look-ups share
-it, the rotation stay apart from the map: changing them needs no new pixels and no new sampler. Everything else
-(colour nodes, mirrored or stretched coordinates, several images) is computed once into a new lat-long map.
+it, the rotation stay apart from the map: changing them needs no new pixels and no new sampler. Everything
+else (colour nodes, mirrored or stretched coordinates, several images) is computed once into a new lat-long
+map.
 """
 
 from __future__ import annotations
@@ -167,7 +168,8 @@ def _times(a: ex.Expression, b: ex.Expression) -> ex.Expression:
 
 
 def _factor_rotation(expression: ex.Expression) -> tuple[ex.Expression, np.ndarray]:
-    """(expression in the map's frame, world_to_env): a rotation that all look-ups share is taken out of them."""
+    """(expression in the map's frame, world_to_env): a rotation that all look-ups share is taken out of
+    them."""
     textures = {leaf.source for leaf in ex.leaves(expression)}
     splits = {
         texture: split_rotation(np.array(texture.matrix), np.array(texture.offset)) for texture in textures
