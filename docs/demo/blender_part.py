@@ -24,8 +24,6 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import scene as demo_scene
 
-MODULE = "bl_ext.user_default.skytree"
-
 
 class Reporter:
     """Tells the process that started us what happens."""
@@ -38,32 +36,42 @@ class Reporter:
 
 
 def install(zip_file: str) -> str:
-    """Installs and enables the add-on as Preferences > Get Extensions > Install from Disk does; -> its
-    version."""
-    if "user_default" not in bpy.context.preferences.extensions.repos:
-        bpy.ops.preferences.extension_repo_add(name="User Default", type="LOCAL")
-    bpy.ops.extensions.package_install_files(filepath=zip_file, repo="user_default", enable_on_install=True)
-    if MODULE not in bpy.context.preferences.addons:
-        raise RuntimeError(f"Blender did not enable {MODULE} after installing {zip_file}; its log says why")
-    core = sys.modules.get("skytree_core")
-    return getattr(core, "__version__", "unknown")
+    """Installs and enables the add-on as a user does; -> version of the core."""
+    if bpy.app.version >= (4, 2):
+        module = "bl_ext.user_default.skytree"
+        if "user_default" not in bpy.context.preferences.extensions.repos:
+            bpy.ops.preferences.extension_repo_add(name="User Default", type="LOCAL")
+        bpy.ops.extensions.package_install_files(
+            filepath=zip_file, repo="user_default", enable_on_install=True
+        )
+    else:
+        module = "skytree"
+        bpy.ops.preferences.addon_install(filepath=zip_file, overwrite=True)
+        bpy.ops.preferences.addon_enable(module=module)
+    if module not in bpy.context.preferences.addons:
+        raise RuntimeError(f"Blender did not enable {module} after installing {zip_file}; its log says why")
+    return sys.modules["skytree_core"].__version__
 
 
-def render(scene: bpy.types.Scene, job: dict, reporter: Reporter) -> None:
-    """Renders one image, as F12 would, and tells its times."""
-    settings = scene.skytree
+def apply_settings(settings: bpy.types.PropertyGroup, values: dict) -> None:
+    """Sets these properties of scene.skytree and puts all others back to their defaults."""
     for name in settings.bl_rna.properties.keys():  # noqa: SIM118  iterating gives properties, not names
         if name not in {"rna_type", "name"}:
             settings.property_unset(name)
-    settings.samples, settings.seed, settings.max_bounces = job["samples"], job["seed"], job["max_bounces"]
-    for name, value in job["settings"].items():
+    for name, value in values.items():
         setattr(settings, name, value)
-    scene.render.filepath = job["exr"]
+
+
+def render(scene: bpy.types.Scene, entry: dict, reporter: Reporter) -> None:
+    """Renders one image, as F12 would, and tells its times."""
+    given = {name: entry[name] for name in ("samples", "seed", "max_bounces")}
+    apply_settings(scene.skytree, given | entry["settings"])
+    scene.render.filepath = entry["exr"]
 
     def on_stats(text, *_unused) -> None:
         found = re.search(r"(\d+)\s*(?:/|of)\s*(\d+)", str(text).rpartition("|")[2])
         if found:
-            reporter.tell("progress", name=job["name"], done=int(found[1]), total=int(found[2]))
+            reporter.tell("progress", name=entry["name"], done=int(found[1]), total=int(found[2]))
 
     bpy.app.handlers.render_stats.append(on_stats)
     started, cpu_started = time.perf_counter(), sum(os.times()[:2])
@@ -71,11 +79,11 @@ def render(scene: bpy.types.Scene, job: dict, reporter: Reporter) -> None:
         bpy.ops.render.render(write_still=True)
     finally:
         bpy.app.handlers.render_stats.remove(on_stats)
-    if not Path(job["exr"]).is_file():
-        raise RuntimeError(f"the render '{job['name']}' wrote no image")
+    if not Path(entry["exr"]).is_file():
+        raise RuntimeError(f"the render '{entry['name']}' wrote no image")
     reporter.tell(
         "rendered",
-        name=job["name"],
+        name=entry["name"],
         wall_seconds=time.perf_counter() - started,
         cpu_seconds=sum(os.times()[:2]) - cpu_started,
         **{key: float(value) for key, value in bpy.app.driver_namespace.get("peer_stats", {}).items()},

@@ -152,11 +152,11 @@ def newest_zip() -> Path:
     return found[-1]
 
 
-def bundled_map(blender_python: Path) -> Path:
-    pattern = f"lib/python3*/site-packages/bpy/*/datafiles/studiolights/world/{DEFAULT_MAP}"
+def bundled_map(blender_python: Path, name: str = DEFAULT_MAP) -> Path:
+    pattern = f"lib/python3*/site-packages/bpy/*/datafiles/studiolights/world/{name}"
     found = sorted(blender_python.parent.parent.glob(pattern))
     if not found:
-        raise DemoError(f"this Blender has no {DEFAULT_MAP} among its data files: give a map with --hdri")
+        raise DemoError(f"this Blender has no {name} among its data files: give a map with --hdri")
     return found[-1]
 
 

@@ -90,18 +90,16 @@ def make_materials() -> dict[str, bpy.types.Material]:
         aniso = glossy
     plastic = {"Base Color": (0.02, 0.16, 0.5, 1), "Roughness": 0.25}
     return {
-        "Chrome steel": _material(
-            "Chrome steel", glossy, {"Color": (0.62, 0.63, 0.64, 1), "Roughness": 0.18}
-        ),
-        "Table": _material("Table", "ShaderNodeBsdfDiffuse", {"Color": (0.36, 0.34, 0.32, 1)}),
-        "Diffuse": _material("Diffuse", "ShaderNodeBsdfDiffuse", {"Color": (0.66, 0.17, 0.1, 1)}),
-        "Principled plastic": _material("Principled plastic", "ShaderNodeBsdfPrincipled", plastic),
-        "Glossy 0.5": _material("Glossy 0.5", glossy, {"Color": (0.75, 0.75, 0.75, 1), "Roughness": 0.5}),
-        "Glossy 0.2": _material("Glossy 0.2", glossy, {"Color": (0.9, 0.56, 0.42, 1), "Roughness": 0.2}),
-        "Anisotropic": _material(
+        "Chrome steel": material("Chrome steel", glossy, {"Color": (0.62, 0.63, 0.64, 1), "Roughness": 0.18}),
+        "Table": material("Table", "ShaderNodeBsdfDiffuse", {"Color": (0.36, 0.34, 0.32, 1)}),
+        "Diffuse": material("Diffuse", "ShaderNodeBsdfDiffuse", {"Color": (0.66, 0.17, 0.1, 1)}),
+        "Principled plastic": material("Principled plastic", "ShaderNodeBsdfPrincipled", plastic),
+        "Glossy 0.5": material("Glossy 0.5", glossy, {"Color": (0.75, 0.75, 0.75, 1), "Roughness": 0.5}),
+        "Glossy 0.2": material("Glossy 0.2", glossy, {"Color": (0.9, 0.56, 0.42, 1), "Roughness": 0.2}),
+        "Anisotropic": material(
             "Anisotropic", aniso, {"Color": (0.72, 0.74, 0.78, 1), "Roughness": 0.35, "Anisotropy": 0.8}
         ),
-        "Gold": _material("Gold", glossy, {"Color": (1.0, 0.72, 0.32, 1), "Roughness": 0.3}),
+        "Gold": material("Gold", glossy, {"Color": (1.0, 0.72, 0.32, 1), "Roughness": 0.3}),
     }
 
 
@@ -114,11 +112,12 @@ def _sockets(node_type: str) -> list[str]:
     return names
 
 
-def _material(name: str, node_type: str, inputs: dict) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:  # from Blender 5.0 on it is there, and touching use_nodes warns
-        material.use_nodes = True
-    tree = material.node_tree
+def material(name: str, node_type: str, inputs: dict) -> bpy.types.Material:
+    """A new material of one shader node with these input values."""
+    made = bpy.data.materials.new(name)
+    if made.node_tree is None:  # from Blender 5.0 on it is there, and touching use_nodes warns
+        made.use_nodes = True
+    tree = made.node_tree
     tree.nodes.clear()
     shader, output = tree.nodes.new(node_type), tree.nodes.new("ShaderNodeOutputMaterial")
     if hasattr(shader, "distribution") and node_type != "ShaderNodeBsdfPrincipled":
@@ -126,7 +125,7 @@ def _material(name: str, node_type: str, inputs: dict) -> bpy.types.Material:
     for socket, value in inputs.items():
         shader.inputs[socket].default_value = value
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
+    return made
 
 
 def add_camera(scene: bpy.types.Scene, position: tuple, target: tuple, lens: float) -> None:
