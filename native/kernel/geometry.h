@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Triangle meshes, instances, and the surface point that a hit describes.
+#pragma once
+
+#include <stdint.h>
+
+#include "kernel/vec.h"
+
+namespace skytree {
+
+/// What a ray tracer answers. Plain data: no tracer's own types reach the kernel.
+struct Hit {
+  int32_t instance;  // -1: the ray left the scene
+  int32_t triangle;
+  float u, v;  // barycentric: p = (1-u-v) p0 + u p1 + v p2
+  float t;
+};
+
+/// Borrowed arrays of one mesh; optional ones are null.
+struct MeshView {
+  const float* positions;         // (V,3)
+  const int32_t* triangles;       // (T,3) into positions
+  const int32_t* corners;         // (T,3) into the corner arrays; null: corner 3t+k
+  const float* corner_normals;    // (C,3) unit; null: flat
+  const float* corner_uvs;        // (C,2)
+  const float* corner_tangents;   // (C,3)
+  const int32_t* material_slots;  // (T,); null: slot 0
+  Vec3 center, inverse_size;      // of the bounding box, for generated coordinates
+};
+
+struct InstanceView {
+  Mat3 linear;  // object to world
+  Vec3 translation;
+  Mat3 normal;  // inverse transpose of linear
+  int32_t mesh;
+  int32_t first_material;  // into SceneView::instance_materials
+  int32_t slot_count;
+};
+
+/// A point on a surface, in world space.
+struct Surface {
+  Vec3 position;
+  Vec3 geometric_normal;  // unit, on the viewer's side
+  Vec3 normal;            // shading normal, unit, on the same side
+  Vec2 uv;
+  int32_t material;      // -1: none
+  float position_error;  // bound on the rounding of `position`
+};
+
+SKY_HD Vec3 load3(const float* array, int64_t i) {
+  return {array[3 * i], array[3 * i + 1], array[3 * i + 2]};
+}
+
+SKY_HD Vec3 interpolate(Vec3 a, Vec3 b, Vec3 c, float u, float v) {
+  return a * (1.0f - u - v) + b * u + c * v;
+}
+
+SKY_HD float max_abs_component(Vec3 v) { return fmaxf(fabsf(v.x), fmaxf(fabsf(v.y), fabsf(v.z))); }
+
+/// `v` if it has a length, otherwise `fallback`.
+SKY_HD Vec3 normalize_or(Vec3 v, Vec3 fallback) {
+  const float squared = dot(v, v);
+  return squared > 1e-30f ? v * (1.0f / sqrtf(squared)) : fallback;
+}
+
+/// Index into a mesh's corner arrays.
+SKY_HD int64_t corner_index(const MeshView& mesh, int32_t triangle, int k) {
+  const int64_t i = 3 * static_cast<int64_t>(triangle) + k;
+  return mesh.corners ? mesh.corners[i] : i;
+}
+
+/// The tangent that anisotropy is measured from. Without tangents of its own a mesh gets circles
+/// around its local z axis, from generated coordinates, as Cycles does where no Tangent node is
+/// linked.
+SKY_HD Vec3 surface_tangent(const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                            Vec3 normal) {
+  Vec3 tangent;
+  if (mesh.corner_tangents) {
+    const Vec3 local =
+        interpolate(load3(mesh.corner_tangents, corner_index(mesh, hit.triangle, 0)),
+                    load3(mesh.corner_tangents, corner_index(mesh, hit.triangle, 1)),
+                    load3(mesh.corner_tangents, corner_index(mesh, hit.triangle, 2)), hit.u, hit.v);
+    tangent = instance.linear * local;
+  } else {
+    const int32_t* t = mesh.triangles + 3 * static_cast<int64_t>(hit.triangle);
+    const Vec3 p = interpolate(load3(mesh.positions, t[0]), load3(mesh.positions, t[1]),
+                               load3(mesh.positions, t[2]), hit.u, hit.v);
+    const Vec3 generated = (p - mesh.center) * mesh.inverse_size;
+    tangent = instance.normal * Vec3{-generated.y, generated.x, 0.0f};
+  }
+  Vec3 fallback, unused;
+  orthonormal_basis(normal, &fallback, &unused);
+  return normalize_or(tangent - normal * dot(tangent, normal), fallback);
+}
+
+/// The surface at `hit`, seen along the unit direction `view` (from the surface to the viewer).
+SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
+                            const int32_t* instance_materials, const Hit& hit, Vec3 view) {
+  Surface surface;
+  const int32_t* t = mesh.triangles + 3 * static_cast<int64_t>(hit.triangle);
+  const Vec3 p0 = load3(mesh.positions, t[0]);
+  const Vec3 p1 = load3(mesh.positions, t[1]);
+  const Vec3 p2 = load3(mesh.positions, t[2]);
+  // From the barycentric coordinates and not from the ray: a distance along a long ray rounds far
+  // more coarsely.
+  const Vec3 local = interpolate(p0, p1, p2, hit.u, hit.v);
+  surface.position = instance.linear * local + instance.translation;
+  surface.position_error =
+      max_abs_component(surface.position) + max_abs_component(instance.translation) +
+      max_abs_component(local) * max_abs_component({max_abs_component(instance.linear.row[0]),
+                                                    max_abs_component(instance.linear.row[1]),
+                                                    max_abs_component(instance.linear.row[2])});
+
+  // Through the inverse transpose like the shading normals, so that both stay on the same side
+  // under mirroring.
+  Vec3 geometric = normalize_or(instance.normal * cross(p1 - p0, p2 - p0), view);
+  const float side = dot(geometric, view) < 0.0f ? -1.0f : 1.0f;
+  geometric = geometric * side;
+  Vec3 normal = geometric;
+  if (mesh.corner_normals) {
+    const Vec3 shading =
+        interpolate(load3(mesh.corner_normals, corner_index(mesh, hit.triangle, 0)),
+                    load3(mesh.corner_normals, corner_index(mesh, hit.triangle, 1)),
+                    load3(mesh.corner_normals, corner_index(mesh, hit.triangle, 2)), hit.u, hit.v);
+    normal = normalize_or(instance.normal * shading * side, geometric);
+  }
+  surface.geometric_normal = geometric;
+  surface.normal = normal;
+  surface.uv = {0.0f, 0.0f};
+  if (mesh.corner_uvs) {
+    const float w = 1.0f - hit.u - hit.v;
+    const float* a = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 0);
+    const float* b = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 1);
+    const float* c = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 2);
+    surface.uv = {a[0] * w + b[0] * hit.u + c[0] * hit.v, a[1] * w + b[1] * hit.u + c[1] * hit.v};
+  }
+  int32_t slot = mesh.material_slots ? mesh.material_slots[hit.triangle] : 0;
+  if (slot >= instance.slot_count) slot = instance.slot_count - 1;  // as Blender clamps it
+  surface.material = slot < 0 ? -1 : instance_materials[instance.first_material + slot];
+  return surface;
+}
+
+/// Where a ray in `direction` starts, so that it does not meet the triangle it leaves.
+SKY_HD Vec3 offset_origin(const Surface& surface, Vec3 direction) {
+  const float side = dot(surface.geometric_normal, direction) < 0.0f ? -1.0f : 1.0f;
+  // 16 roundings of float: several times what the transforms and the tracer's own arithmetic lose.
+  const float distance = surface.position_error * (16.0f * 5.96e-8f);
+  return surface.position + surface.geometric_normal * (side * distance);
+}
+
+}  // namespace skytree

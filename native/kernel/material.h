@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Materials: a list of weighted closures, turned at each shading point into reflection lobes,
+// emission and transparency. Parameters mean what they mean in Blender's nodes of the same name;
+// docs/method.md names what differs.
+#pragma once
+
+#include "kernel/bsdf.h"
+#include "kernel/geometry.h"
+#include "kernel/texture.h"
+
+namespace skytree {
+
+enum class ClosureType : int32_t { kDiffuse, kGlossy, kWard, kPrincipled, kEmission, kTransparent };
+
+/// One node of a material with the product of the mix factors above it. Textures are indices, -1
+/// for none; a texture multiplies the plain value.
+struct Closure {
+  ClosureType type = ClosureType::kDiffuse;
+  float weight = 1.0f;
+  Vec3 color = {0.8f, 0.8f, 0.8f};
+  float roughness = 0.0f;
+  float anisotropy = 0.0f;
+  float rotation = 0.0f;                 // turns
+  float alpha_x = 0.1f, alpha_y = 0.1f;  // Ward
+  float metallic = 0.0f;
+  float eta = 1.5f;  // Principled, IOR level applied
+  Vec3 emission = {0, 0, 0};
+  int32_t color_texture = -1;
+  int32_t roughness_texture = -1;
+  int32_t metallic_texture = -1;
+  int32_t normal_texture = -1;
+  int32_t emission_texture = -1;
+};
+
+struct MaterialView {
+  int32_t first_closure, closure_count;
+};
+
+/// A material may need this many lobes: Principled takes three, the others at most one.
+constexpr int kMaxLobes = 12;
+
+/// Everything a material does with light at one point. Lobes beyond `count` are unset.
+struct Shading {
+  Lobe lobes[kMaxLobes];
+  int count;
+  Vec3 emission;
+  Vec3 transparency;
+};
+
+/// Directional albedo of dielectric GGX, what the layer below does not get. Axes: perceptual
+/// roughness, cosine of the view angle, (eta-1)/(eta+1) from 0 to kAlbedoMaxReflectance.
+constexpr int kAlbedoTableSize = 16;
+constexpr float kAlbedoMaxSqrtF0 = 0.75f;
+
+struct MaterialTables {
+  const Closure* closures;
+  const TextureView* textures;
+  const float* dielectric_albedo;  // kAlbedoTableSize^3
+};
+
+SKY_HD float dielectric_albedo(const float* table, float roughness, float cosine, float eta) {
+  const int n = kAlbedoTableSize;
+  const float position[3] = {
+      clampf(roughness, 0.0f, 1.0f) * (n - 1), clampf(cosine, 0.0f, 1.0f) * (n - 1),
+      clampf((eta - 1.0f) / (eta + 1.0f) / kAlbedoMaxSqrtF0, 0.0f, 1.0f) * (n - 1)};
+  int cell[3];
+  float fraction[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const int i = static_cast<int>(position[axis]);
+    cell[axis] = i < n - 1 ? i : n - 2;
+    fraction[axis] = position[axis] - static_cast<float>(cell[axis]);
+  }
+  float sum = 0.0f;
+  for (int corner = 0; corner < 8; ++corner) {
+    float weight = 1.0f;
+    int index = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int bit = (corner >> axis) & 1;
+      weight *= bit ? fraction[axis] : 1.0f - fraction[axis];
+      index = index * n + cell[axis] + bit;
+    }
+    sum += weight * table[index];
+  }
+  return sum;
+}
+
+SKY_HD Vec3 textured(const MaterialTables& tables, Vec3 value, int32_t texture, Vec2 uv) {
+  return texture < 0 ? value : value * sample_texture(tables.textures[texture], uv);
+}
+SKY_HD float textured(const MaterialTables& tables, float value, int32_t texture, Vec2 uv) {
+  return texture < 0 ? value : value * luminance(sample_texture(tables.textures[texture], uv));
+}
+
+/// Where reflections are computed the viewer must not be below the shading normal: bend the normal
+/// until it is not.
+SKY_HD Vec3 visible_normal(Vec3 normal, Vec3 geometric_normal, Vec3 view) {
+  const float cosine = dot(normal, view);
+  const float least = fminf(0.01f, 0.9f * dot(geometric_normal, view));
+  return cosine >= least ? normal
+                         : normalize_or(normal + view * (least - cosine), geometric_normal);
+}
+
+/// A glossy lobe's frame: x along the tangent, turned by `rotation`.
+SKY_HD void set_frame(Lobe* lobe, Vec3 normal, Vec3 tangent, float rotation) {
+  const Vec3 y = normalize(cross(normal, tangent));
+  const Vec3 x = cross(y, normal);
+  float sine, cosine;
+  sky_sincos_turns(rotation, &sine, &cosine);
+  lobe->normal = normal;
+  lobe->tangent = x * cosine + y * sine;
+  lobe->bitangent = y * cosine - x * sine;
+}
+
+SKY_HD float mean_component(Vec3 v) { return (v.x + v.y + v.z) * (1.0f / 3.0f); }
+
+/// Adds the lobe unless it reflects nothing. `select` is its share before normalisation.
+SKY_HD void add_lobe(Shading* shading, const Lobe& lobe, float select) {
+  if (!(select > 0.0f) || shading->count >= kMaxLobes) return;
+  shading->lobes[shading->count] = lobe;
+  shading->lobes[shading->count].select = select;
+  ++shading->count;
+}
+
+SKY_HD void add_diffuse(Shading* shading, Vec3 normal, Vec3 weight) {
+  Lobe lobe;
+  lobe.type = LobeType::kDiffuse;
+  lobe.normal = normal;
+  lobe.weight = weight;
+  add_lobe(shading, lobe, mean_component(weight));
+}
+
+/// The frame needs a tangent only where the lobe is anisotropic; fetching it costs more than the
+/// lobe.
+SKY_HD void set_glossy_frame(Lobe* lobe, const MeshView& mesh, const InstanceView& instance,
+                             const Hit& hit, Vec3 normal, float rotation) {
+  if (lobe->alpha_x == lobe->alpha_y) {
+    lobe->normal = normal;
+    orthonormal_basis(normal, &lobe->tangent, &lobe->bitangent);
+  } else {
+    set_frame(lobe, normal, surface_tangent(mesh, instance, hit, normal), rotation);
+  }
+}
+
+SKY_HD void add_principled(const MaterialTables& tables, const Closure& closure,
+                           const Surface& surface, Vec3 normal, Lobe frame, float roughness,
+                           Vec3 view, Shading* shading) {
+  const Vec3 base = textured(tables, closure.color, closure.color_texture, surface.uv);
+  const float metallic =
+      clampf(textured(tables, closure.metallic, closure.metallic_texture, surface.uv), 0.0f, 1.0f);
+  const float cosine = dot(normal, view);
+  if (metallic > 0.0f) {
+    frame.type = LobeType::kMetal;
+    frame.f0 = base;
+    const float w = closure.weight * metallic;
+    frame.weight = {w, w, w};
+    add_lobe(shading, frame,
+             w * mean_component(base + (Vec3{1, 1, 1} - base) * schlick_weight(cosine)));
+  }
+  const float rest = closure.weight * (1.0f - metallic);
+  if (!(rest > 0.0f)) return;
+  float albedo = 0.0f;
+  if (closure.eta > 1.0f) {
+    albedo = dielectric_albedo(tables.dielectric_albedo, roughness, cosine, closure.eta);
+    frame.type = LobeType::kDielectric;
+    frame.eta = closure.eta;
+    frame.weight = {rest, rest, rest};
+    add_lobe(shading, frame, rest * albedo);
+  }
+  add_diffuse(shading, normal, base * (rest * (1.0f - albedo)));
+}
+
+/// Lobes, emission and transparency of `material` at a surface seen from `view`; the lobes'
+/// `select` sums to 1.
+SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& material,
+                              const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                              const Surface& surface, Vec3 view, Shading* shading) {
+  shading->count = 0;
+  shading->emission = {0, 0, 0};
+  shading->transparency = {0, 0, 0};
+  const Vec3 normal = visible_normal(surface.normal, surface.geometric_normal, view);
+  for (int i = 0; i < material.closure_count; ++i) {
+    const Closure& closure = tables.closures[material.first_closure + i];
+    if (closure.type == ClosureType::kEmission || closure.type == ClosureType::kPrincipled) {
+      shading->emission +=
+          closure.weight * textured(tables, closure.emission, closure.emission_texture, surface.uv);
+      if (closure.type == ClosureType::kEmission) continue;
+    }
+    if (closure.type == ClosureType::kTransparent) {
+      shading->transparency +=
+          closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv);
+      continue;
+    }
+    if (closure.type == ClosureType::kDiffuse) {
+      add_diffuse(
+          shading, normal,
+          closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv));
+      continue;
+    }
+    Lobe lobe;
+    const float roughness = clampf(
+        textured(tables, closure.roughness, closure.roughness_texture, surface.uv), 0.0f, 1.0f);
+    Vec2 alpha = {closure.alpha_x, closure.alpha_y};
+    if (closure.type == ClosureType::kGlossy) alpha = glossy_alpha(roughness, closure.anisotropy);
+    if (closure.type == ClosureType::kPrincipled) {
+      alpha = principled_alpha(roughness, closure.anisotropy);
+    }
+    lobe.alpha_x = alpha.x;
+    lobe.alpha_y = alpha.y;
+    set_glossy_frame(&lobe, mesh, instance, hit, normal, closure.rotation);
+    if (closure.type == ClosureType::kPrincipled) {
+      add_principled(tables, closure, surface, normal, lobe, roughness, view, shading);
+    } else {
+      lobe.type = closure.type == ClosureType::kWard ? LobeType::kWard : LobeType::kGlossy;
+      lobe.weight =
+          closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv);
+      add_lobe(shading, lobe, mean_component(lobe.weight));
+    }
+  }
+  float total = 0.0f;
+  for (int i = 0; i < shading->count; ++i) total += shading->lobes[i].select;
+  for (int i = 0; i < shading->count; ++i) shading->lobes[i].select *= 1.0f / total;
+}
+
+/// All lobes together. Light from behind the geometric surface is refused: there it would leak
+/// through.
+SKY_HD BsdfValue eval_bsdf(const Shading& shading, const Surface& surface, Vec3 wo, Vec3 wi) {
+  BsdfValue sum = {{0, 0, 0}, 0.0f};
+  if (dot(surface.geometric_normal, wi) <= 0.0f) return sum;
+  for (int i = 0; i < shading.count; ++i) {
+    const BsdfValue value = eval_lobe(shading.lobes[i], wo, wi);
+    sum.f += value.f;
+    sum.pdf += value.pdf * shading.lobes[i].select;
+  }
+  return sum;
+}
+
+/// A direction by one lobe chosen with `choice`; eval_bsdf gives its value and its pdf over all
+/// lobes.
+SKY_HD Vec3 sample_bsdf(const Shading& shading, Vec3 wo, float choice, Vec2 u) {
+  int i = 0;
+  while (i + 1 < shading.count && choice >= shading.lobes[i].select) {
+    choice -= shading.lobes[i].select;
+    ++i;
+  }
+  return sample_lobe(shading.lobes[i], wo, u);
+}
+
+}  // namespace skytree

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "src/render_session.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+
+namespace skytree {
+namespace {
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double thread_cpu_seconds() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
+
+/// A power of two, so that passes also end where the point set is complete.
+constexpr int kMaxPassSamples = 16;
+
+void check_options(const RenderOptions& o) {
+  auto require = [](bool ok, const char* message) {
+    if (!ok) throw std::invalid_argument(message);
+  };
+  require(o.width >= 1 && o.height >= 1 && o.width <= 65536 && o.height <= 65536,
+          "width and height must lie in 1..65536 pixels");
+  require(o.samples >= 1, "samples must be at least 1");
+  require(o.first_sample >= 0, "first_sample must not be negative");
+  require(o.max_bounces >= 0 && o.max_bounces <= 1024, "max_bounces must lie in 0..1024");
+  require(
+      0 <= o.x0 && o.x0 < o.x1 && o.x1 <= o.width && 0 <= o.y0 && o.y0 < o.y1 && o.y1 <= o.height,
+      "region must be (x0,y0,x1,y1) inside the film and not empty");
+}
+
+}  // namespace
+
+RenderSession::RenderSession(int threads) {
+  if (threads < 0 || threads > 1024) throw std::invalid_argument("threads must lie in 0..1024");
+  const int count = threads ? threads : std::max(1, int(std::thread::hardware_concurrency()));
+  render_tile_ = select_render_tile();
+  stats_.threads = count;
+  for (int i = 0; i < count; ++i) threads_.emplace_back([this, i] { worker(i); });
+}
+
+RenderSession::~RenderSession() {
+  cancel();
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    shutdown_ = true;
+  }
+  wake_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& asked) {
+  RenderOptions options = asked;
+  if (options.x0 == 0 && options.y0 == 0 && options.x1 == 0 && options.y1 == 0) {
+    options.x1 = options.width;
+    options.y1 = options.height;
+  }
+  check_options(options);
+  std::vector<float> filter_table = make_filter_table(options.pixel_filter, options.filter_width);
+  if (!scene) throw std::invalid_argument("a scene is needed");
+  if (running()) throw std::runtime_error("the session is rendering; cancel it first");
+  scene->begin_use();
+
+  std::lock_guard<std::mutex> lock(mutex_);
+  scene_ = std::move(scene);
+  options_ = options;
+  filter_table_ = std::move(filter_table);
+  const int threads = stats_.threads;
+  stats_ = {};
+  stats_.threads = threads;
+  error_.clear();
+  cancel_ = false;
+  samples_done_ = 0;
+  next_item_ = 0;
+  first_tile_x_ = options.x0 / kTileSize;
+  first_tile_y_ = options.y0 / kTileSize;
+  tiles_x_ = (options.x1 + kTileSize - 1) / kTileSize - first_tile_x_;
+  tiles_y_ = (options.y1 + kTileSize - 1) / kTileSize - first_tile_y_;
+  passes_.clear();
+  // 1, 1, 2, 4, ...: the first picture soon, and always whole powers of two done.
+  for (int done = 0; done < options.samples;) {
+    const int count = std::min({std::max(done, 1), kMaxPassSamples, options.samples - done});
+    passes_.push_back({options.first_sample + done, count});
+    done += count;
+  }
+  const int tiles = tiles_x_ * tiles_y_;
+  tile_passes_.reset(new std::atomic<int>[tiles]());
+  pass_tiles_.reset(new std::atomic<int>[passes_.size()]());
+  film_.assign(size_t(region_width()) * region_height(), Pixel());
+  ready_ = false;
+  running_ = true;
+  busy_ = int(threads_.size());
+  ++generation_;
+  wake_.notify_all();
+}
+
+bool RenderSession::wait(double seconds) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const double bounded = std::clamp(seconds, 0.0, 1e9);
+  return ended_.wait_for(lock, std::chrono::duration<double>(bounded),
+                         [this] { return !running_; });
+}
+
+void RenderSession::cancel() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  cancel_ = true;
+  wake_.notify_all();
+  ended_.wait(lock, [this] { return !running_; });
+}
+
+std::string RenderSession::error() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return error_;
+}
+
+SessionStats RenderSession::stats() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return stats_;
+}
+
+void RenderSession::fail(const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (error_.empty()) error_ = message;
+  cancel_ = true;
+}
+
+void RenderSession::worker(int index) {
+  uint64_t seen = 0;
+  for (;;) {
+    double started = 0.0;
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      wake_.wait(lock, [&] { return shutdown_ || generation_ != seen; });
+      if (shutdown_) return;
+      seen = generation_;
+      started = now();
+    }
+    try {
+      if (index == 0) {
+        lead();
+      } else {
+        std::unique_lock<std::mutex> lock(mutex_);
+        wake_.wait(lock, [this] { return ready_ || cancel_; });
+      }
+      if (!cancel_) render_tiles();
+    } catch (const std::exception& error) {
+      fail(error.what());
+    } catch (...) {
+      fail("an unknown error in a render thread");
+    }
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (index == 0) wake_.notify_all();  // after a failure of lead() the others still wait for it
+    stats_.render_seconds = std::max(stats_.render_seconds, now() - started);
+    if (--busy_ == 0) {
+      scene_->end_use();
+      scene_.reset();
+      running_ = false;
+      ended_.notify_all();
+    }
+  }
+}
+
+void RenderSession::lead() {
+  const double started = now();
+  const bool built = scene_->commit(cancel_);
+  std::lock_guard<std::mutex> lock(mutex_);
+  stats_.commit_seconds = now() - started;
+  if (!built) return;
+  job_.scene = scene_->view(options_.width, options_.height);
+  job_.tree = scene_->tree();
+  job_.intersect8 = embree().Intersect8;
+  job_.occluded8 = embree().Occluded8;
+  job_.width = options_.width;
+  job_.height = options_.height;
+  job_.settings = {options_.seed, options_.max_bounces, options_.film_transparent,
+                   options_.bsdf_sampling, filter_table_.data()};
+  ready_ = true;
+  wake_.notify_all();
+}
+
+void RenderSession::render_tiles() {
+  const double cpu_started = thread_cpu_seconds();
+  std::unique_ptr<TileScratch, decltype(&delete_tile_scratch)> scratch(new_tile_scratch(),
+                                                                       delete_tile_scratch);
+  auto sample = std::make_unique<TileSample>();
+  const uint64_t tiles = uint64_t(tiles_x_) * tiles_y_;
+  uint64_t rays = 0;
+  while (!cancel_) {
+    const uint64_t item = next_item_++;
+    const size_t pass = size_t(item / tiles);
+    if (pass >= passes_.size()) break;
+    const int tile = int(item % tiles);
+    // Sums are taken in the order of the samples, whichever thread takes them.
+    while (tile_passes_[tile].load(std::memory_order_acquire) != int(pass) && !cancel_)
+      std::this_thread::yield();
+    const int tile_x = first_tile_x_ + tile % tiles_x_, tile_y = first_tile_y_ + tile / tiles_x_;
+    bool complete = true;
+    for (int i = 0; i < passes_[pass].count; ++i) {
+      if (cancel_) {
+        complete = false;
+        break;
+      }
+      rays += render_tile_(job_, tile_x, tile_y, uint32_t(passes_[pass].first + i), scratch.get(),
+                           sample.get());
+      accumulate(*sample, tile_x, tile_y);
+    }
+    if (!complete) break;
+    tile_passes_[tile].store(int(pass) + 1, std::memory_order_release);
+    if (uint64_t(++pass_tiles_[pass]) == tiles) {
+      // A tile's passes follow each other, so the passes before this one are complete too.
+      const int done = passes_[pass].first - options_.first_sample + passes_[pass].count;
+      int before = samples_done_.load();
+      while (before < done && !samples_done_.compare_exchange_weak(before, done)) {
+      }
+    }
+  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  stats_.rays += rays;
+  stats_.cpu_seconds += thread_cpu_seconds() - cpu_started;
+}
+
+void RenderSession::accumulate(const TileSample& sample, int tile_x, int tile_y) {
+  const int tile = (tile_y - first_tile_y_) * tiles_x_ + tile_x - first_tile_x_;
+  const int left = tile_x * kTileSize, low = tile_y * kTileSize;
+  const int x_begin = std::max(options_.x0, left), x_end = std::min(options_.x1, left + kTileSize);
+  const int y_begin = std::max(options_.y0, low), y_end = std::min(options_.y1, low + kTileSize);
+  uint64_t rejected = 0;
+  {
+    std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
+    for (int y = y_begin; y < y_end; ++y) {
+      Pixel* row = film_.data() + size_t(y - options_.y0) * region_width() - options_.x0;
+      for (int x = x_begin; x < x_end; ++x) {
+        const int i = (y - low) * kTileSize + x - left;
+        const Vec3 radiance = sample.radiance[i];
+        Pixel& pixel = row[x];
+        ++pixel.count;
+        pixel.alpha += sample.alpha[i];
+        if (!std::isfinite(radiance.x + radiance.y + radiance.z)) {
+          ++rejected;
+          continue;
+        }
+        pixel.radiance[0] += radiance.x;
+        pixel.radiance[1] += radiance.y;
+        pixel.radiance[2] += radiance.z;
+      }
+    }
+  }
+  if (rejected) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    stats_.rejected_samples += rejected;
+  }
+}
+
+void RenderSession::pixels(float* out) const {
+  const int width = region_width(), height = region_height();
+  for (int tile = 0; tile < tiles_x_ * tiles_y_; ++tile) {
+    const int left = (first_tile_x_ + tile % tiles_x_) * kTileSize - options_.x0;
+    const int low = (first_tile_y_ + tile / tiles_x_) * kTileSize - options_.y0;
+    std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
+    for (int y = std::max(low, 0); y < std::min(low + kTileSize, height); ++y) {
+      for (int x = std::max(left, 0); x < std::min(left + kTileSize, width); ++x) {
+        const Pixel& pixel = film_[size_t(y) * width + x];
+        float* rgba = out + 4 * (size_t(y) * width + x);
+        const double scale = pixel.count ? 1.0 / pixel.count : 0.0;
+        for (int k = 0; k < 3; ++k) rgba[k] = float(pixel.radiance[k] * scale);
+        rgba[3] = float(pixel.alpha * scale);
+      }
+    }
+  }
+}
+
+}  // namespace skytree

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A progressive render on threads of its own.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "src/filter_table.h"
+#include "src/scene.h"
+#include "src/tile_integrator.h"
+
+namespace skytree {
+
+struct RenderOptions {
+  int width = 0, height = 0;  // of the whole film, pixels
+  int samples = 0;
+  int max_bounces = 4;
+  uint32_t seed = 0;
+  PixelFilter pixel_filter = PixelFilter::kBlackmanHarris;
+  double filter_width = 1.5;
+  int x0 = 0, y0 = 0, x1 = 0,
+      y1 = 0;  // region in pixels from the lower left; all 0: the whole film
+  bool film_transparent = false;
+  int first_sample = 0;
+  bool bsdf_sampling = true;
+};
+
+struct SessionStats {
+  uint64_t rays = 0;
+  uint64_t rejected_samples = 0;  // not finite, counted as black
+  double commit_seconds = 0.0;    // scene changes to ray-tracing trees
+  double render_seconds = 0.0;    // wall clock, commit included
+  double cpu_seconds = 0.0;       // of the session's threads while they render tiles
+  int threads = 0;
+};
+
+/// One render at a time. Methods may be called from any one thread besides the session's own.
+class RenderSession {
+ public:
+  /// 0 threads: all cores.
+  explicit RenderSession(int threads);
+  ~RenderSession();
+
+  /// Returns at once. Throws std::invalid_argument for options out of range, std::runtime_error
+  /// while running or where the scene is rendered by another session.
+  void start(std::shared_ptr<Scene> scene, const RenderOptions& options);
+  /// True if the render has ended; waits at most `seconds`.
+  bool wait(double seconds);
+  /// Returns when all threads stand still.
+  void cancel();
+
+  bool running() const { return running_.load(); }
+  int samples_done() const { return samples_done_.load(); }
+  std::string error() const;
+  SessionStats stats() const;
+  int region_width() const { return options_.x1 - options_.x0; }
+  int region_height() const { return options_.y1 - options_.y0; }
+
+  /// The mean of what has been rendered so far, RGBA of the region, bottom row first; a pixel
+  /// without samples is 0.
+  void pixels(float* out) const;
+
+ private:
+  struct Pixel {
+    double radiance[3] = {0, 0, 0};  // double: float sums drift after some thousand samples
+    double alpha = 0;
+    uint32_t count = 0;
+  };
+  struct Pass {
+    int first, count;
+  };
+
+  void worker(int index);
+  void lead();
+  void render_tiles();
+  void accumulate(const TileSample& sample, int tile_x, int tile_y);
+  void fail(const std::string& message);
+
+  std::vector<std::thread> threads_;
+  std::shared_ptr<Scene> scene_;
+  RenderOptions options_;
+  std::vector<float> filter_table_;
+  IntegratorJob job_ = {};
+  RenderTile render_tile_ = nullptr;
+
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable wake_, ended_;
+  uint64_t generation_ = 0;  // counts starts
+  bool shutdown_ = false;
+  int busy_ = 0;        // threads inside render_tiles
+  bool ready_ = false;  // the scene is built, tiles may be rendered
+  std::string error_;
+  SessionStats stats_;
+
+  std::atomic<bool> cancel_{false}, running_{false};
+  std::atomic<int> samples_done_{0};
+
+  int tiles_x_ = 0, tiles_y_ = 0, first_tile_x_ = 0, first_tile_y_ = 0;
+  std::vector<Pass> passes_;
+  std::atomic<uint64_t> next_item_{0};
+  std::unique_ptr<std::atomic<int>[]> tile_passes_;  // passes finished, by tile
+  std::unique_ptr<std::atomic<int>[]> pass_tiles_;   // tiles finished, by pass
+  mutable std::mutex film_locks_[64];
+  std::vector<Pixel> film_;
+};
+
+}  // namespace skytree

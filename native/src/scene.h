@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A scene that is changed piece by piece; only what changed is built again.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "kernel/scene_view.h"
+#include "src/camera_setup.h"
+#include "src/mesh.h"
+
+namespace skytree {
+
+class EnvironmentSampler;
+
+struct TextureInput {
+  const float* texels = nullptr;  // (H,W,channels) linear, row 0 at the top
+  int width = 0, height = 0, channels = 3;
+  TextureInterpolation interpolation = TextureInterpolation::kLinear;
+  TextureExtension extension = TextureExtension::kRepeat;
+};
+
+struct EnvironmentInput {
+  std::shared_ptr<const float>
+      texels;  // (H,W,3) radiance; null: constant 1, so that `color` alone counts
+  int width = 0, height = 0;
+  std::shared_ptr<const EnvironmentSampler> sampler;  // null: uniform over the sphere
+  Mat3 world_to_env = identity3();                    // rotation
+  Vec3 color = {1, 1, 1};
+  bool visible = true;
+};
+
+/// Why an instance with this matrix cannot be rendered; empty if it can.
+std::string transform_problem(const Matrix4& object_to_world);
+
+/// How often things were built, for tests and status lines.
+struct SceneStats {
+  size_t meshes_built = 0, top_level_built = 0, environments_set = 0;
+  size_t triangles = 0, instances = 0, nbytes = 0;
+};
+
+/// Every setter throws std::runtime_error while a session renders the scene, std::invalid_argument
+/// for an unknown id. Geometry that cannot be rendered does not throw: it is left out and named in
+/// warnings().
+class Scene {
+ public:
+  int add_mesh(const MeshInput& input);
+  void set_mesh(int mesh, const MeshInput& input);
+  void remove_mesh(int mesh);
+
+  int add_instance(int mesh, const Matrix4& object_to_world, std::vector<int> materials);
+  void set_transform(int instance, const Matrix4& object_to_world);
+  void set_instance_materials(int instance, std::vector<int> materials);
+  void remove_instance(int instance);
+
+  int add_material(std::vector<Closure> closures, std::string name);
+  void set_material(int material, std::vector<Closure> closures);
+  void remove_material(int material);
+
+  int add_texture(const TextureInput& input);
+  void remove_texture(int texture);
+
+  void set_camera(const Matrix4& camera_to_world, const Matrix4& projection);
+  void set_environment(EnvironmentInput input);
+
+  std::vector<std::string> warnings() const;
+  SceneStats stats() const;
+
+  /// Builds what changed and fills the tables behind view(); false when cancelled. For the
+  /// session's thread, between begin_use and end_use.
+  bool commit(const std::atomic<bool>& cancel);
+  /// Valid until the next change. `width` and `height` of the film, pixels.
+  SceneView view(int width, int height) const;
+  RTCScene tree() const { return top_level_.get(); }
+
+  void begin_use();
+  void end_use() { --users_; }
+
+ private:
+  struct Instance {
+    int mesh;
+    Matrix4 matrix;
+    std::vector<int> materials;
+    bool changed = true;
+    bool usable = false;
+    EmbreeGeometry geometry;
+  };
+  struct Material {
+    std::vector<Closure> closures;
+    std::string name;
+  };
+  struct Texture {
+    TextureInput input;
+    std::vector<float> texels;
+  };
+
+  void require_idle() const;
+  void fill_tables();
+
+  std::map<int, std::unique_ptr<Mesh>> meshes_;
+  std::map<int, Instance> instances_;
+  std::map<int, Material> materials_;
+  std::map<int, Texture> textures_;
+  int next_mesh_ = 0, next_instance_ = 0, next_material_ = 0, next_texture_ = 0;
+  bool has_camera_ = false;
+  CameraView camera_ = {};
+  EnvironmentInput environment_;
+  std::string environment_warning_;
+  std::vector<std::string> table_warnings_;
+
+  EmbreeScene top_level_;
+  bool top_level_changed_ = true, tables_changed_ = true;
+  std::vector<MeshView> mesh_views_;
+  std::vector<InstanceView> instance_views_;
+  std::vector<int32_t> instance_materials_;
+  std::vector<MaterialView> material_views_;
+  std::vector<Closure> closures_;
+  std::vector<TextureView> texture_views_;
+  bool has_emission_ = false, has_transparency_ = false;
+
+  SceneStats stats_;
+  std::atomic<int> users_{0};
+};
+
+}  // namespace skytree

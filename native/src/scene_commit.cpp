@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// From the parts of a scene to ray-tracing trees and the flat tables that the kernel reads.
+#include <cmath>
+#include <stdexcept>
+
+#include "src/albedo_table.h"
+#include "src/environment_sampler.h"
+#include "src/scene.h"
+
+namespace skytree {
+namespace {
+
+double determinant3(const Matrix4& m) {
+  return m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
+         m[2] * (m[4] * m[9] - m[5] * m[8]);
+}
+
+InstanceView make_instance_view(const Matrix4& m) {
+  InstanceView view = {};
+  auto row = [](double x, double y, double z) { return Vec3{float(x), float(y), float(z)}; };
+  view.linear = {{row(m[0], m[1], m[2]), row(m[4], m[5], m[6]), row(m[8], m[9], m[10])}};
+  view.translation = row(m[3], m[7], m[11]);
+  // The inverse transpose is the cofactor matrix over the determinant.
+  const double d = determinant3(m);
+  view.normal = {{row((m[5] * m[10] - m[6] * m[9]) / d, (m[6] * m[8] - m[4] * m[10]) / d,
+                      (m[4] * m[9] - m[5] * m[8]) / d),
+                  row((m[2] * m[9] - m[1] * m[10]) / d, (m[0] * m[10] - m[2] * m[8]) / d,
+                      (m[1] * m[8] - m[0] * m[9]) / d),
+                  row((m[1] * m[6] - m[2] * m[5]) / d, (m[2] * m[4] - m[0] * m[6]) / d,
+                      (m[0] * m[5] - m[1] * m[4]) / d)}};
+  return view;
+}
+
+}  // namespace
+
+std::string transform_problem(const Matrix4& m) {
+  for (const double x : m) {
+    if (!std::isfinite(x)) return "its matrix has an entry that is not finite";
+  }
+  double scale = 0.0;
+  for (int column = 0; column < 3; ++column) {
+    scale = std::fmax(scale, std::sqrt(m[column] * m[column] + m[4 + column] * m[4 + column] +
+                                       m[8 + column] * m[8 + column]));
+  }
+  // Flatter than this, the inverse that rays need is beyond float.
+  if (!(std::fabs(determinant3(m)) > 1e-12 * scale * scale * scale) || !(scale > 1e-18)) {
+    return "its matrix is singular (a scale of zero?)";
+  }
+  return "";
+}
+
+bool Scene::commit(const std::atomic<bool>& cancel) {
+  const EmbreeApi& api = embree();
+  for (auto& [id, mesh] : meshes_) {
+    if (mesh->tree() || mesh->empty()) continue;
+    if (!mesh->build(cancel)) return false;
+    ++stats_.meshes_built;
+  }
+  if (tables_changed_) fill_tables();
+
+  bool moved = false;
+  for (auto& [id, instance] : instances_) {
+    if (!instance.changed) continue;
+    const bool usable =
+        transform_problem(instance.matrix).empty() && !meshes_.at(instance.mesh)->empty();
+    moved = true;
+    instance.usable = usable;
+    instance.changed = false;
+    instance.geometry.reset();
+    if (!usable) continue;
+    instance.geometry.reset(api.NewGeometry(api.device, RTC_GEOMETRY_TYPE_INSTANCE));
+    api.SetGeometryInstancedScene(instance.geometry.get(), meshes_.at(instance.mesh)->tree());
+    float matrix[12];
+    for (int i = 0; i < 12; ++i) matrix[i] = float(instance.matrix[i]);
+    api.SetGeometryTransform(instance.geometry.get(), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, matrix);
+    api.CommitGeometry(instance.geometry.get());
+  }
+  if (moved || top_level_changed_ || !top_level_) {
+    // Attached anew each time: it costs microseconds an instance, and a half-built tree after a
+    // cancelled commit never stays behind.
+    top_level_changed_ = true;
+    EmbreeScene top_level = new_embree_scene();
+    unsigned index = 0;
+    for (auto& [id, instance] : instances_) {
+      if (instance.usable) api.AttachGeometryByID(top_level.get(), instance.geometry.get(), index);
+      ++index;
+    }
+    check_embree("placing the instances");
+    if (!commit_embree_scene(top_level.get(), cancel)) return false;
+    top_level_ = std::move(top_level);
+    top_level_changed_ = false;
+    ++stats_.top_level_built;
+  }
+  // After the trees, as a table row follows the transform that the tree has.
+  size_t row = 0;
+  for (auto& [id, instance] : instances_) {
+    InstanceView& view = instance_views_[row++];
+    const InstanceView fresh = make_instance_view(instance.matrix);
+    view.linear = fresh.linear;
+    view.translation = fresh.translation;
+    view.normal = fresh.normal;
+  }
+  return true;
+}
+
+void Scene::fill_tables() {
+  table_warnings_.clear();
+  std::map<int, int> mesh_rows, material_rows, texture_rows;
+  mesh_views_.clear();
+  for (const auto& [id, mesh] : meshes_) {
+    mesh_rows[id] = int(mesh_views_.size());
+    mesh_views_.push_back(mesh->view());
+  }
+  texture_views_.clear();
+  for (const auto& [id, texture] : textures_) {
+    texture_rows[id] = int(texture_views_.size());
+    const TextureInput& in = texture.input;
+    texture_views_.push_back(
+        {in.texels, in.width, in.height, in.channels, in.extension, in.interpolation});
+  }
+  material_views_.clear();
+  closures_.clear();
+  has_emission_ = has_transparency_ = false;
+  for (const auto& [id, material] : materials_) {
+    material_rows[id] = int(material_views_.size());
+    material_views_.push_back({int32_t(closures_.size()), int32_t(material.closures.size())});
+    for (Closure closure : material.closures) {
+      for (int32_t* texture :
+           {&closure.color_texture, &closure.roughness_texture, &closure.metallic_texture,
+            &closure.normal_texture, &closure.emission_texture}) {
+        if (*texture < 0) continue;
+        const auto found = texture_rows.find(*texture);
+        if (found == texture_rows.end()) {
+          table_warnings_.push_back("material \"" + material.name + "\" uses texture " +
+                                    std::to_string(*texture) +
+                                    ", which the scene does not have; its plain value is used");
+        }
+        *texture = found == texture_rows.end() ? -1 : found->second;
+      }
+      has_transparency_ |= closure.type == ClosureType::kTransparent;
+      has_emission_ |= max_component(closure.emission) > 0.0f;
+      closures_.push_back(closure);
+    }
+  }
+  instance_views_.clear();
+  instance_materials_.clear();
+  for (const auto& [id, instance] : instances_) {
+    InstanceView view = {};
+    view.mesh = mesh_rows.at(instance.mesh);
+    view.first_material = int32_t(instance_materials_.size());
+    view.slot_count = int32_t(instance.materials.size());
+    instance_views_.push_back(view);
+    for (const int material : instance.materials) {
+      const auto found = material_rows.find(material);
+      if (found == material_rows.end() && material >= 0) {
+        table_warnings_.push_back("instance " + std::to_string(id) + " uses material " +
+                                  std::to_string(material) +
+                                  ", which the scene does not have; it is rendered black");
+      }
+      instance_materials_.push_back(found == material_rows.end() ? -1 : found->second);
+    }
+  }
+  tables_changed_ = false;
+}
+
+SceneView Scene::view(int width, int height) const {
+  if (!has_camera_) throw std::runtime_error("the scene has no camera; call set_camera first");
+  static const float kWhite[3] = {1, 1, 1};
+  SceneView view = {};
+  view.meshes = mesh_views_.data();
+  view.instances = instance_views_.data();
+  view.instance_materials = instance_materials_.data();
+  view.materials = material_views_.data();
+  view.tables = {closures_.data(), texture_views_.data(), dielectric_albedo_table()};
+  view.environment.image =
+      environment_.texels
+          ? LatLongImage{environment_.texels.get(), environment_.width, environment_.height}
+          : LatLongImage{kWhite, 1, 1};
+  if (environment_.sampler) view.environment.sampler = environment_.sampler->view();
+  view.environment.world_to_env = environment_.world_to_env;
+  view.environment.color = environment_.color;
+  view.environment.visible = environment_.visible;
+  view.camera = camera_;
+  view.camera.width = float(width);
+  view.camera.height = float(height);
+  view.has_emission = has_emission_;
+  view.has_transparency = has_transparency_;
+  return view;
+}
+
+}  // namespace skytree
