@@ -35,7 +35,7 @@ import skytree_core  # noqa: E402
 from blender_process import BlenderError, run_in_blender  # noqa: E402
 from demo import DemoError, bundled_map, newest_zip  # noqa: E402
 
-WIDTH, HEIGHT, THREADS = 160, 120, 1
+WIDTH, HEIGHT = 160, 120
 # Two sample counts each: the difference of their times has no start-up in it.
 TIMED_SAMPLES = {"SKYTREE": (64, 576), "CYCLES": (32, 160)}
 ERROR_SAMPLES = (4, 16, 64)
@@ -67,7 +67,7 @@ class Bench:
     def render(self, title: str, entries: list[dict]) -> list[dict]:
         """Renders the entries in their order in one Blender; -> what was told after each."""
         job = {"zip": str(self.addon), "hdri": str(self.hdri), "renders": entries}
-        job |= {"width": WIDTH, "height": HEIGHT, "threads": THREADS}
+        job |= {"width": WIDTH, "height": HEIGHT}
         bar = self.progress.add_task(title, total=len(entries))
         told = []
         for event in run_in_blender(self.blender, HERE / "render_worker.py", job, self.folder / "bench.log"):
@@ -196,7 +196,6 @@ def main() -> int:
     measured = {
         "map": hdri.name,
         "image_size": [WIDTH, HEIGHT],
-        "threads": THREADS,
         "microseconds": times,
         "ratio_to_cycles": {
             method: statistics.median(a / b for a, b in zip(values, times["Cycles"], strict=True))
