@@ -29,6 +29,16 @@ SKY_HD Vec2 latlong_uv(Vec3 direction) {
   return {latlong_u(direction), sky_atan2(r, direction.z) * kInvPi};
 }
 
+/// Texel (x, y) that a unit direction lies in. The row is counted from the nearer pole: H - (tiny)
+/// would be rounded to H, and a texel of a 16k map is only a few float steps wide.
+SKY_HD void latlong_texel(Vec3 direction, int width, int height, int32_t* x, int32_t* y) {
+  const float r = sqrtf(direction.x * direction.x + direction.y * direction.y);
+  const float rows = sky_atan2(r, fabsf(direction.z)) * kInvPi * (float)height;
+  const int32_t row = (int32_t)fminf(rows, (float)(height - 1));
+  *x = (int32_t)clampf(latlong_u(direction) * (float)width, 0.0f, (float)(width - 1));
+  *y = direction.z < 0.0f ? height - 1 - row : row;
+}
+
 SKY_HD Vec3 latlong_direction(float u, float v) {
   float sin_phi, cos_phi, sin_theta, cos_theta;
   sky_sincos_turns(0.5f - u, &sin_phi, &cos_phi);

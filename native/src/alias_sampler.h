@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "src/environment_sampler.h"
+
+namespace skytree {
+
+/// Alias table over texels, with the weights of InversionSampler. A black map is sampled uniformly.
+class AliasSampler : public EnvironmentSampler {
+ public:
+  /// Throws std::invalid_argument for an empty image.
+  explicit AliasSampler(const LatLongImage& image);
+
+  EnvSamplerView view() const override;
+  size_t nbytes() const override;
+  double build_seconds() const { return build_seconds_; }
+
+ private:
+  int width_, height_;
+  std::unique_ptr<AliasEntry[]> entries_;
+  std::vector<RowWarp> rows_;
+  double build_seconds_ = 0;
+};
+
+}  // namespace skytree

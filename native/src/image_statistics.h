@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Sums over rectangles of a map, for the kd-tree builder: solid angle, power (integral of L) and
+// square (integral of L^2), in constant time whatever the rectangle.
+//
+// A summed-area table (Crow, SIGGRAPH 1984) at every texel would be written once per texel, in
+// double, and that alone takes longer than building the rivals' tables. Two strip tables are kept
+// instead: one is exact in x and knows every kTile-th border in y, the other the reverse. A
+// rectangle is an inner part whose borders in y are known to the first, thin parts above and below
+// whose borders in x are known to the second, and at most eight corners that are read from the
+// image. Every part holds only what lies inside the rectangle: a sun outside adds nothing, not even
+// rounding.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "src/environment_image.h"
+
+namespace skytree {
+
+/// What is measured of a texel.
+enum class Statistics {
+  RADIANCE,  ///< weighted by solid angle; L as the renderer looks it up, interpolated between texel
+             ///< centres
+  PIXELS,    ///< the paper's: every pixel counts alike, with its own value
+};
+
+/// Sums over texels. In Statistics::PIXELS the solid angle is the number of pixels.
+struct Moments {
+  double power, square;
+};
+
+inline Moments operator+(Moments a, Moments b) { return {a.power + b.power, a.square + b.square}; }
+inline Moments operator-(Moments a, Moments b) { return {a.power - b.power, a.square - b.square}; }
+
+/// Texels [lo[0], hi[0]) x [lo[1], hi[1]); axis 0 is x, axis 1 is y.
+struct TexelRect {
+  int32_t lo[2], hi[2];
+
+  int32_t size(int axis) const { return hi[axis] - lo[axis]; }
+  int64_t area() const { return (int64_t)size(0) * size(1); }
+};
+
+class ImageStatistics {
+ public:
+  static constexpr int kTile = 16;
+
+  /// Reads the image once. `keep_going` is asked now and then and stops the work by throwing.
+  ImageStatistics(const LatLongImage& image, Statistics statistics,
+                  const std::function<void(double done)>& keep_going);
+
+  int extent(int axis) const { return axis == 0 ? image_.width : image_.height; }
+  Moments sum(const TexelRect& rect) const;
+  /// Solid angle in steradians, or the number of pixels.
+  double solid_angle(const TexelRect& rect) const {
+    return rect.size(0) * (cumulative_rows_[rect.hi[1]] - cumulative_rows_[rect.lo[1]]);
+  }
+  /// Sums over the slices of the rectangle at each coordinate of `axis`: out[i] belongs to
+  /// rect.lo[axis] + i. At most kTile slices.
+  void slices(const TexelRect& rect, int axis, Moments* out) const;
+  /// Sum over the rectangle for lo[axis] and hi[axis] on tile borders: two table rows, no texel is
+  /// read.
+  Moments aligned_sum(const TexelRect& rect, int axis) const;
+  /// Borders of tiles along an axis: multiples of kTile, and the end of the image.
+  int first_border_from(int32_t coordinate) const { return (coordinate + kTile - 1) / kTile; }
+  int last_border_until(int axis, int32_t coordinate) const {
+    return coordinate == extent(axis) ? (coordinate + kTile - 1) / kTile : coordinate / kTile;
+  }
+  int32_t border(int axis, int index) const;
+
+  const BadTexels& bad_texels() const { return bad_; }
+
+ private:
+  struct Patch;
+
+  void build(const std::function<void(double)>& keep_going);
+  Moments thin_sum(const TexelRect& rect) const;
+  Moments texel_sum(const TexelRect& rect) const;
+  void load_patch(const TexelRect& rect, Patch* patch) const;
+  const Moments& table(int axis, int border, int coordinate) const {
+    return tables_[axis][(int64_t)border * (extent(axis) + 1) + coordinate];
+  }
+
+  LatLongImage image_;
+  Statistics statistics_;
+  std::vector<double> row_weights_;      // of a texel
+  std::vector<double> cumulative_rows_;  // height + 1
+  // tables_[a]: exact along a, tile borders along the other axis; sums from the image's origin.
+  std::unique_ptr<Moments[]> tables_[2];
+  BadTexels bad_;
+};
+
+}  // namespace skytree

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "src/environment_sampler.h"
+
+namespace skytree {
+
+/// Marginal and conditional distribution functions over texels, weighted by solid angle times the
+/// mean interpolated luminance. A black map is sampled uniformly.
+class InversionSampler : public EnvironmentSampler {
+ public:
+  /// guided: search from a table of starting points, else by plain binary search.
+  /// Throws std::invalid_argument for an empty image.
+  explicit InversionSampler(const LatLongImage& image, bool guided = true);
+
+  EnvSamplerView view() const override;
+  size_t nbytes() const override;
+  double build_seconds() const { return build_seconds_; }
+
+ private:
+  int width_, height_;
+  std::vector<float> marginal_;
+  std::unique_ptr<float[]> conditional_;  // uninitialised storage: every value is written once
+  std::vector<RowWarp> rows_;
+  std::vector<uint16_t> marginal_guide_;
+  std::unique_ptr<uint16_t[]> conditional_guide_;
+  double build_seconds_ = 0;
+};
+
+}  // namespace skytree

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "src/image_statistics.h"
+
+namespace skytree {
+
+/// Smallest and largest luminance in rectangles of a map, for SplitCriterion::RANGE: whole tiles
+/// from a table, the rest from the image.
+class RangeTable {
+ public:
+  explicit RangeTable(const LatLongImage& image);
+
+  /// Largest minus smallest.
+  double range(const TexelRect& rect) const;
+
+ private:
+  static constexpr int kTile = ImageStatistics::kTile;
+  struct Bounds {
+    float smallest, largest;
+  };
+
+  void include_texels(const TexelRect& rect, Bounds* bounds) const;
+
+  LatLongImage image_;
+  int columns_;
+  std::vector<Bounds> tiles_;
+};
+
+}  // namespace skytree

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The solver is Ceres' TinySolver (Levenberg-Marquardt): for one parameter it does what the full
+// Ceres does, is a header that needs Eigen only, and leaves no symbols of Ceres or glog behind that
+// could meet those of a Blender which links its own Ceres.
+//
+// The cost has more than one minimum on some maps (a few bright blocks and a long flat tail), so
+// the solver starts from the best of a coarse scan.
+#include "src/rank_fit.h"
+
+#include <ceres/tiny_solver.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+namespace skytree {
+namespace {
+
+/// log(1 + 1/(alpha + i)) and log(1 + n/alpha) for alpha = exp(log_alpha).
+class RankCost {
+ public:
+  using Scalar = double;
+  enum { NUM_RESIDUALS = Eigen::Dynamic, NUM_PARAMETERS = 1 };
+
+  explicit RankCost(const std::vector<double>& empirical) : empirical_(empirical) {}
+
+  int NumResiduals() const { return (int)empirical_.size(); }
+
+  /// Differences of probabilities times n, so that the solver's tolerances mean the same for any n.
+  bool operator()(const double* log_alpha, double* residuals, double* jacobian) const {
+    const double alpha = std::exp(*log_alpha);
+    const double n = (double)empirical_.size();
+    if (!(alpha > 0.0) || !std::isfinite(alpha)) return false;
+    const double range = std::log1p(n / alpha);
+    const double range_slope = -n / (alpha + n);  // by log alpha
+    for (size_t i = 0; i < empirical_.size(); ++i) {
+      const double x = alpha + (double)i;
+      const double probability = std::log1p(1.0 / x) / range;
+      residuals[i] = n * (probability - empirical_[i]);
+      if (jacobian) {
+        const double mass_slope = -alpha / (x * (x + 1.0));
+        jacobian[i] = n * (mass_slope - probability * range_slope) / range;
+      }
+    }
+    return true;
+  }
+
+  double cost(double log_alpha) const {
+    std::vector<double> residuals(empirical_.size());
+    (*this)(&log_alpha, residuals.data(), nullptr);
+    double sum = 0;
+    for (double r : residuals) sum += r * r;
+    return sum;
+  }
+
+ private:
+  const std::vector<double>& empirical_;
+};
+
+}  // namespace
+
+std::vector<double> rank_probabilities(double alpha, int count) {
+  std::vector<double> probabilities(count);
+  const double range = std::log1p(count / alpha);
+  for (int i = 0; i < count; ++i) probabilities[i] = std::log1p(1.0 / (alpha + i)) / range;
+  return probabilities;
+}
+
+RankFit fit_rank_model(const std::vector<double>& empirical) {
+  const int count = (int)empirical.size();
+  const RankCost cost(empirical);
+  const double lowest = std::log(kSmallestAlpha);
+  const double highest = std::log(kLargestAlphaPerBlock * count);
+  constexpr int kScan = 48;
+  double best = highest, best_cost = cost.cost(highest);
+  for (int i = 0; i < kScan; ++i) {
+    const double candidate = lowest + (highest - lowest) * i / kScan;
+    const double candidate_cost = cost.cost(candidate);
+    if (candidate_cost < best_cost) {
+      best = candidate;
+      best_cost = candidate_cost;
+    }
+  }
+  if (count > 1) {
+    ceres::TinySolver<RankCost> solver;
+    solver.options.parameter_tolerance = 1e-10;
+    solver.options.function_tolerance = 1e-14;
+    Eigen::Matrix<double, 1, 1> log_alpha(best);
+    solver.Solve(cost, &log_alpha);
+    const double solved = std::clamp(log_alpha[0], lowest, highest);
+    if (cost.cost(solved) <= best_cost) best = solved;
+  }
+
+  RankFit fit = {std::exp(best), 0.0, 0.0};
+  const std::vector<double> model = rank_probabilities(fit.alpha, count);
+  for (int i = 0; i < count; ++i) {
+    const double difference = model[i] - empirical[i];
+    fit.rms_error += difference * difference / count;
+    if (empirical[i] > 0) fit.kl_divergence += empirical[i] * std::log(empirical[i] / model[i]);
+  }
+  fit.rms_error = std::sqrt(fit.rms_error);
+  return fit;
+}
+
+}  // namespace skytree
