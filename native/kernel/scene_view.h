@@ -33,8 +33,9 @@ struct RenderSettings {
   uint32_t seed;
   int max_bounces;  // 0: the environment as the first surface sees it
   bool film_transparent;
-  bool bsdf_sampling;         // off: light samples alone, without MIS
-  const float* filter_table;  // kFilterTableSize
+  bool bsdf_sampling;          // off: light samples alone, without MIS
+  const float* filter_table;   // kFilterTableSize
+  bool light_sampling = true;  // off: BSDF samples alone, without MIS
 };
 
 /// Radiance of the environment along a world direction.

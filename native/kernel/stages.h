@@ -94,7 +94,8 @@ SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, P
   }
   if (!settings.bsdf_sampling) return;
   const Vec3 direction = environment.world_to_env * path->ray.direction;
-  const float light_pdf = environment_pdf(environment.sampler, direction);
+  const float light_pdf =
+      settings.light_sampling ? environment_pdf(environment.sampler, direction) : 0.0f;
   // The throughput was divided by bsdf_pdf when the ray was drawn.
   const float weight = path->bsdf_pdf / (path->bsdf_pdf + light_pdf);
   path->radiance +=
@@ -139,7 +140,7 @@ SKY_HD bool shade(const SceneView& scene, const RenderSettings& settings, const 
   path->radiance += path->throughput * shading.emission;
 
   const bool last = path->bounce > settings.max_bounces;  // only emission is still wanted here
-  if (shading.count > 0 && !last &&
+  if (settings.light_sampling && shading.count > 0 && !last &&
       sample_light(scene, settings, *path, surface, shading, random, connections)) {
     *connection_count = 1;
   }
@@ -171,7 +172,8 @@ SKY_HD bool shade(const SceneView& scene, const RenderSettings& settings, const 
   if (path->bounce == settings.max_bounces && !scene.has_emission && !scene.has_transparency) {
     // Whatever this ray hits would stay black: asking whether it hits at all is cheaper.
     if (settings.bsdf_sampling) {
-      connections[(*connection_count)++] = {next, path->throughput * bsdf.f, bsdf.pdf, true};
+      connections[(*connection_count)++] = {next, path->throughput * bsdf.f, bsdf.pdf,
+                                            settings.light_sampling};
     }
     return false;
   }

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "src/environment_sampler.h"
+
 namespace skytree {
 namespace {
 
@@ -33,6 +35,8 @@ void check_options(const RenderOptions& o) {
   require(o.samples >= 1, "samples must be at least 1");
   require(o.first_sample >= 0, "first_sample must not be negative");
   require(o.max_bounces >= 0 && o.max_bounces <= 1024, "max_bounces must lie in 0..1024");
+  require(o.bsdf_sampling || o.light_sampling,
+          "bsdf_sampling and light_sampling are both off: nothing would find the light");
   require(
       0 <= o.x0 && o.x0 < o.x1 && o.x1 <= o.width && 0 <= o.y0 && o.y0 < o.y1 && o.y1 <= o.height,
       "region must be (x0,y0,x1,y1) inside the film and not empty");
@@ -181,8 +185,9 @@ void RenderSession::lead() {
   job_.occluded8 = embree().Occluded8;
   job_.width = options_.width;
   job_.height = options_.height;
-  job_.settings = {options_.seed, options_.max_bounces, options_.film_transparent,
-                   options_.bsdf_sampling, filter_table_.data()};
+  job_.settings = {options_.seed,          options_.max_bounces, options_.film_transparent,
+                   options_.bsdf_sampling, filter_table_.data(), options_.light_sampling};
+  if (options_.sampler) job_.scene.environment.sampler = options_.sampler->view();
   ready_ = true;
   wake_.notify_all();
 }

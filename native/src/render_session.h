@@ -29,6 +29,8 @@ struct RenderOptions {
   bool film_transparent = false;
   int first_sample = 0;
   bool bsdf_sampling = true;
+  bool light_sampling = true;
+  std::shared_ptr<const EnvironmentSampler> sampler;  // null: the scene's own
 };
 
 struct SessionStats {
@@ -48,7 +50,7 @@ class RenderSession {
   ~RenderSession();
 
   /// Returns at once. Throws std::invalid_argument for options out of range, std::runtime_error
-  /// while running or where the scene is rendered by another session.
+  /// while running. Several sessions may render one scene at the same time.
   void start(std::shared_ptr<Scene> scene, const RenderOptions& options);
   /// True if the render has ended; waits at most `seconds`.
   bool wait(double seconds);

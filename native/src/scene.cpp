@@ -51,11 +51,9 @@ void Scene::require_idle() const {
 }
 
 void Scene::begin_use() {
-  int idle = 0;
-  if (!users_.compare_exchange_strong(idle, 1)) {
-    throw std::runtime_error(
-        "the scene is already being rendered by another session; cancel that one first");
-  }
+  // Without a lock, which a session that builds may hold for long: nobody builds while there are no
+  // users.
+  if (users_++ == 0) committed_ = false;
 }
 
 int Scene::add_mesh(const MeshInput& input) {

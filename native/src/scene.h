@@ -3,8 +3,10 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -69,13 +71,14 @@ class Scene {
   std::vector<std::string> warnings() const;
   SceneStats stats() const;
 
-  /// Builds what changed and fills the tables behind view(); false when cancelled. For the
-  /// session's thread, between begin_use and end_use.
+  /// Builds what changed and fills the tables behind view(); false when cancelled. For a session's
+  /// thread, between begin_use and end_use; of several sessions the first one builds.
   bool commit(const std::atomic<bool>& cancel);
   /// Valid until the next change. `width` and `height` of the film, pixels.
   SceneView view(int width, int height) const;
   RTCScene tree() const { return top_level_.get(); }
 
+  /// Until as many end_use() have come, every change throws.
   void begin_use();
   void end_use() { --users_; }
 
@@ -98,6 +101,7 @@ class Scene {
   };
 
   void require_idle() const;
+  bool build(const std::atomic<bool>& cancel);
   void fill_tables();
 
   std::map<int, std::unique_ptr<Mesh>> meshes_;
@@ -123,6 +127,8 @@ class Scene {
 
   SceneStats stats_;
   std::atomic<int> users_{0};
+  std::timed_mutex commit_mutex_;
+  bool committed_ = false;  // since the first of the present users came
 };
 
 }  // namespace skytree

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From the parts of a scene to ray-tracing trees and the flat tables that the kernel reads.
+#include <chrono>
 #include <cmath>
 #include <stdexcept>
 
@@ -50,6 +51,15 @@ std::string transform_problem(const Matrix4& m) {
 }
 
 bool Scene::commit(const std::atomic<bool>& cancel) {
+  std::unique_lock<std::timed_mutex> lock(commit_mutex_, std::defer_lock);
+  while (!lock.try_lock_for(std::chrono::milliseconds(5))) {
+    if (cancel) return false;
+  }
+  if (!committed_) committed_ = build(cancel);
+  return committed_;
+}
+
+bool Scene::build(const std::atomic<bool>& cancel) {
   const EmbreeApi& api = embree();
   for (auto& [id, mesh] : meshes_) {
     if (mesh->tree() || mesh->empty()) continue;
