@@ -120,6 +120,24 @@ def environment(name: str, group: str, python_version: str) -> Path:
     return python
 
 
+def cuda_compiler() -> Path | None:
+    """nvcc, 12.8 or newer: the machine's, else PyPI's in build/venv-cuda; None where neither can be had."""
+    homes = [os.environ.get("CUDA_HOME"), os.environ.get("CUDA_PATH"), "/usr/local/cuda"]
+    candidates = [shutil.which("nvcc"), *(f"{home}/bin/nvcc" for home in homes if home)]
+    for candidate in candidates:
+        if candidate and Path(candidate).exists():
+            said = subprocess.run([candidate, "--version"], capture_output=True, text=True).stdout
+            release = re.search(r"release (\d+)\.(\d+)", said)
+            if release and (int(release[1]), int(release[2])) >= (12, 8):  # the first that knows sm_120
+                return Path(candidate)
+    try:
+        packages = environment("venv-cuda", "cuda", "3.11").parent.parent / "lib/python3.11/site-packages"
+    except BuildError as error:
+        print(f"• CUDA: no nvcc on this machine, and none to be had from PyPI:\n{error}", flush=True)
+        return None
+    return next(packages.glob("nvidia/cu*/bin/nvcc"), None)
+
+
 def blender_module(version: str) -> Path:
     """The interpreter of build/bpy-`version`, where `import bpy` is that Blender."""
     require_packages("build", "bpy")

@@ -12,11 +12,25 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from .environments import PROJECT, environment, find_python, left_out, require_packages, require_python
+from .environments import (
+    PROJECT,
+    cuda_compiler,
+    environment,
+    find_python,
+    left_out,
+    require_packages,
+    require_python,
+)
 from .steps import BUILD, DIST, ROOT, BuildError, content_hash, relative, run, sole_builder, up_to_date
 
 VERSION: str = PROJECT["project"]["version"]
 ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+WHEEL_SOURCES = (
+    *("pyproject.toml", "CMakeLists.txt", "README.md", "cuda"),
+    *(f"native/{part}" for part in ("CMakeLists.txt", "bundle_embree.cmake", "kernel", "src", "python")),
+)
 
 
 @functools.cache
@@ -24,45 +38,54 @@ def build_wheel() -> Path:
     """dist/skytree_core-….whl with a module for each Python found, also installed in build/venv."""
     require_packages("build")
     tools = environment("venv", "tools", "3.11")
-    pythons = {"3.11": require_python("3.11"), "3.13": find_python("3.13")}
-    if not pythons["3.13"]:
+    pythons = {"3.11": require_python("3.11")}
+    if newer := find_python("3.13"):
+        pythons["3.13"] = newer
+    else:
         print(f"• Left out: the module for Blender 5.1 and later ({left_out('3.13')})", flush=True)
-    pythons = {version: python for version, python in pythons.items() if python}
-    if not list((ROOT / "cuda").glob("*.cu")):
-        print("• CUDA: this version has no kernels yet, so the build is for the CPU alone", flush=True)
-
-    libc, libc_version = platform.libc_ver()
-    if libc != "glibc":
-        raise BuildError(f"Skytree's wheel is for glibc; this machine has {libc or 'an unknown C library'}.")
-    # Whatever glibc the build machine has is an honest lower bound, as PEP 600's tag states it.
-    system = f"manylinux_{libc_version.replace('.', '_')}_{platform.machine()}"
-    tags = [f"cp{version.replace('.', '')}-none-{system}" for version in pythons]
-    name = f"skytree_core-{VERSION}-{'.'.join(tag.split('-')[0] for tag in tags)}-none-{system}.whl"
-
-    sources = [ROOT / "pyproject.toml", ROOT / "CMakeLists.txt", ROOT / "native" / "CMakeLists.txt"]
-    sources += [ROOT / "native" / part for part in ("bundle_embree.cmake", "kernel", "src", "python")]
+    nvcc = cuda_compiler()
+    print(
+        f"• CUDA: {f'kernels by {nvcc}' if nvcc else 'left out, rendering is on the CPU alone'}", flush=True
+    )
+    tags = [f"cp{version.replace('.', '')}-none-{platform_tag()}" for version in pythons]
+    name = f"skytree_core-{VERSION}-{'.'.join(tag.split('-')[0] for tag in tags)}-none-{platform_tag()}.whl"
     wheel, stamp = DIST / name, BUILD / "wheel.stamp"
     with sole_builder():
-        digest = content_hash([*sources, ROOT / "cuda", ROOT / "README.md"], sorted(pythons.items()))
+        digest = content_hash([ROOT / source for source in WHEEL_SOURCES], sorted(pythons.items()), nvcc)
         if not up_to_date(stamp, digest, wheel):
-            with tempfile.TemporaryDirectory(dir=BUILD) as made:
-                settings = {
-                    "build-dir": BUILD / "native-wheel",
-                    "wheel.tags": ";".join(tags),
-                    "cmake.define.SKYTREE_PYTHONS": ";".join(map(str, pythons.values())),
-                    "cmake.define.SKYTREE_PYBIND11_INCLUDE": pybind11_include(tools),
-                }
-                command = [tools, "-m", "pip", "wheel", "-v", "--no-build-isolation", "--no-deps", "-w", made]
-                command += [f"--config-settings={key}={value}" for key, value in settings.items()]
-                command += [ROOT]
-                run("Build skytree_core", command, PATH=f"{tools.parent}:{os.environ['PATH']}")
-                DIST.mkdir(exist_ok=True)
-                for old in DIST.glob("skytree_core-*.whl"):
-                    old.unlink()
-                os.replace(Path(made) / name, wheel)
+            settings = {
+                "build-dir": BUILD / "native-wheel",
+                "wheel.tags": ";".join(tags),
+                "cmake.define.SKYTREE_PYTHONS": ";".join(map(str, pythons.values())),
+                "cmake.define.SKYTREE_PYBIND11_INCLUDE": pybind11_include(tools),
+                "cmake.define.SKYTREE_CUDA": "ON" if nvcc else "OFF",
+                "cmake.define.SKYTREE_NVCC": nvcc or "",
+                "cmake.define.SKYTREE_CUDA_ARCHITECTURES": "ALL",
+            }
+            compile_wheel(tools, wheel, settings)
             stamp.write_text(digest)
     install_wheel(tools, wheel)
     return wheel
+
+
+def platform_tag() -> str:
+    """PEP 600's tag: whatever glibc the build machine has is an honest lower bound."""
+    libc, version = platform.libc_ver()
+    if libc != "glibc":
+        raise BuildError(f"Skytree's wheel is for glibc; this machine has {libc or 'an unknown C library'}.")
+    return f"manylinux_{version.replace('.', '_')}_{platform.machine()}"
+
+
+def compile_wheel(tools: Path, wheel: Path, settings: dict) -> None:
+    """Runs scikit-build-core and puts what it made in the place of older wheels."""
+    with tempfile.TemporaryDirectory(dir=BUILD) as made:
+        command = [tools, "-m", "pip", "wheel", "-v", "--no-build-isolation", "--no-deps", "-w", made, ROOT]
+        command += [f"--config-settings={key}={value}" for key, value in settings.items()]
+        run("Build skytree_core", command, PATH=f"{tools.parent}:{os.environ['PATH']}")
+        DIST.mkdir(exist_ok=True)
+        for old in DIST.glob("skytree_core-*.whl"):
+            old.unlink()
+        os.replace(Path(made) / wheel.name, wheel)
 
 
 def pybind11_include(python: Path) -> str:
