@@ -28,7 +28,7 @@ def configure(scene: bpy.types.Scene, job: dict) -> None:
     """What both engines share."""
     render, cycles = scene.render, scene.cycles
     render.resolution_x, render.resolution_y, render.resolution_percentage = job["width"], job["height"], 100
-    # All cores: with one thread fixed, Cycles' process spends about twice its wall time, which would be unfair.
+    # All cores: with one thread fixed, Cycles spends about twice its wall time, which would be unfair.
     render.threads_mode = "AUTO"
     render.image_settings.file_format = "OPEN_EXR"
     render.image_settings.color_depth = "32"

@@ -19,13 +19,13 @@ from PIL import Image, ImageDraw, ImageFont
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-VIEW_TRANSFORM = "exposure, then extended Reinhard per channel (white at 4), then the sRGB curve"
+VIEW_TRANSFORM = "exposure, a filmic curve per channel (Narkowicz 2016, his fit of ACES), then the sRGB curve"
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 INK, PAPER, SOFT = (28, 28, 30), (255, 255, 255), (110, 110, 116)
 GAP = 12
 
 
-def exposure_for(image: np.ndarray, key: float = 0.3) -> float:
+def exposure_for(image: np.ndarray, key: float = 0.16) -> float:
     """The factor that brings the log-average luminance to key (Reinhard et al. 2002)."""
     luminance = np.maximum(image @ LUMINANCE, 0)
     return float(key / np.exp(np.log(luminance + 1e-4).mean()))
@@ -41,7 +41,7 @@ def encode_srgb(linear: np.ndarray) -> np.ndarray:
 def view(image: np.ndarray, exposure: float) -> Image.Image:
     """The image as one looks at it; see VIEW_TRANSFORM."""
     x = np.maximum(np.nan_to_num(image.astype(np.float64)), 0) * exposure
-    return Image.fromarray(encode_srgb(x * (1 + x / 16) / (1 + x)))
+    return Image.fromarray(encode_srgb(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)))
 
 
 def difference(image: np.ndarray, reference: np.ndarray, exposure: float, factor: float) -> Image.Image:
