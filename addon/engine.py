@@ -15,6 +15,7 @@ from . import native, status
 from .camera import CameraError, Film, camera_matrices, film_of
 from .messages import Messages
 from .sync import SceneSync
+from .viewport_engine import ViewportHooks
 
 POLL_SECONDS = 0.05
 FIRST_UPDATE_SECONDS = 0.25
@@ -22,7 +23,7 @@ FIRST_UPDATE_SECONDS = 0.25
 UPDATE_SHARE = 0.1
 
 
-class SkytreeRenderEngine(bpy.types.RenderEngine):
+class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
     bl_idname = "SKYTREE"
     bl_label = "Skytree"
     bl_use_shading_nodes_custom = False

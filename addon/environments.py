@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import OrderedDict
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,63 +51,90 @@ class BuiltEnvironment:
 
 
 class Environments:
-    """A least-recently-used cache of maps and samplers; `builds` counts samplers built."""
+    """A least-recently-used cache of maps and samplers, for any thread; `builds` counts samplers built.
+
+    Pixels of images are read on the calling thread, since Blender's data may be touched nowhere else."""
 
     def __init__(self):
         self.builds = 0
         self._maps: OrderedDict = OrderedDict()
-        self._built: OrderedDict = OrderedDict()
+        self._built: OrderedDict[tuple, Future] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(
         self, environment: Environment, settings: SamplerSettings, messages: Messages
     ) -> BuiltEnvironment:
-        with self._lock:
-            built = self._get(environment, settings)
+        """Waits until the sampler is there."""
+        built = self._future(environment, settings, lambda build: build()).result()
         messages.extend(built.messages)
         return built
+
+    def request(self, environment: Environment, settings: SamplerSettings) -> Future:
+        """A future BuiltEnvironment: what is not there yet is built on a thread of its own."""
+        return self._future(environment, settings, _on_a_thread)
 
     def clear(self):
         with self._lock:
             self._maps.clear()
             self._built.clear()
 
-    def _get(self, environment: Environment, settings: SamplerSettings) -> BuiltEnvironment:
+    def _future(self, environment: Environment, settings: SamplerSettings, run) -> Future:
         if environment.expression is None:
             settings = SamplerSettings("UNIFORM")
         key = (environment.expression, settings)
-        if key not in self._built:
-            self._built[key] = self._build(environment, settings)
-        return _touch(self._built, key, MAX_SAMPLERS)
+        with self._lock:
+            future = self._built.get(key)
+            is_new = future is None
+            if is_new:
+                future = self._built[key] = Future()
+            _touch(self._built, key, MAX_SAMPLERS)
+        if is_new:
+            messages = Messages()
+            try:
+                image = self._map(environment)
+            except ValueError as error:
+                messages.warn(str(error))
+                image = None
+            except BaseException as error:
+                self._fail(key, future, error)
+                raise
+            run(lambda: self._build(key, future, image, environment.name, settings, messages))
+        return future
 
     def _map(self, environment: Environment) -> np.ndarray | None:
         if environment.expression is None:
             return None
-        if environment.expression not in self._maps:
-            self._maps[environment.expression] = environment.pixels()
-        return _touch(self._maps, environment.expression, MAX_MAPS)
+        with self._lock:
+            if environment.expression in self._maps:
+                return _touch(self._maps, environment.expression, MAX_MAPS)
+        pixels = environment.pixels()
+        with self._lock:
+            self._maps[environment.expression] = pixels
+            return _touch(self._maps, environment.expression, MAX_MAPS)
 
-    def _build(self, environment: Environment, settings: SamplerSettings) -> BuiltEnvironment:
-        messages = Messages()
-        try:
-            image = self._map(environment)
-        except ValueError as error:
-            messages.warn(str(error))
-            image = None
+    def _build(self, key, future: Future, image, name: str, settings: SamplerSettings, messages: Messages):
         if image is None:
             settings = SamplerSettings("UNIFORM")
         start = time.perf_counter()
-        sampler = make_sampler(image, settings)
+        try:
+            sampler = make_sampler(image, settings)
+        except BaseException as error:  # whoever waits for it gets it, on whichever thread
+            self._fail(key, future, error)
+            return
         self.builds += 1
-        return BuiltEnvironment(
-            image,
-            sampler,
-            settings,
-            environment.name,
-            (0, 0) if image is None else (image.shape[1], image.shape[0]),
-            time.perf_counter() - start,
-            messages,
-        )
+        size = (0, 0) if image is None else (image.shape[1], image.shape[0])
+        seconds = time.perf_counter() - start
+        future.set_result(BuiltEnvironment(image, sampler, settings, name, size, seconds, messages))
+
+    def _fail(self, key, future: Future, error: BaseException):
+        with self._lock:
+            if self._built.get(key) is future:
+                del self._built[key]  # so that it is tried again
+        future.set_exception(error)
+
+
+def _on_a_thread(build):
+    threading.Thread(target=build, name="Skytree sampler", daemon=True).start()
 
 
 def make_sampler(image: np.ndarray | None, settings: SamplerSettings):

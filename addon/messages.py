@@ -26,6 +26,12 @@ class Messages:
         for text, severity in other._entries.items():
             self._entries.setdefault(text, severity)
 
+    def replace(self, old: Messages, new: Messages):
+        """Takes back what `old` said, then says what `new` says."""
+        for text in old._entries:
+            self._entries.pop(text, None)
+        self.extend(new)
+
     def clear(self):
         self._entries.clear()
 

@@ -5,11 +5,13 @@ alike."""
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future
 
 import numpy as np
 
 from . import native
-from .environments import SamplerSettings, environments
+from .environments import BuiltEnvironment, SamplerSettings, environments
 from .images import ImageStore, identity_of
 from .messages import Messages
 from .sync_materials import MaterialSync
@@ -23,19 +25,26 @@ class SceneSync:
     """A native scene and what it was made from.
 
     `sync(depsgraph)` uploads everything that is not there yet; `update(depsgraph)` looks at depsgraph.updates
-    alone. No call may come while a session renders the scene: cancel it first. `counts` says how often each
-    kind of thing was uploaded; `messages` holds what could not be read."""
+    alone. No upload may come while a session renders the scene: `before_upload()` is called before each, to
+    cancel it. `counts` says how often each kind of thing was uploaded; `messages` holds what could not be
+    read. Unless `wait_for_samplers`, a sampler is built on a thread of its own and the scene keeps the last
+    environment until `follow_environment` finds it ready."""
 
-    def __init__(self):
+    def __init__(self, before_upload: Callable[[], None] | None = None, wait_for_samplers: bool = True):
         self.scene = native.core().Scene()
+        self._uploads = _Uploads(self.scene, before_upload) if before_upload else self.scene
+        self._wait_for_samplers = wait_for_samplers
         self.messages = Messages()
         self.counts: Counter = Counter()
         self.images = ImageStore()
         self.environment: Environment | None = None
         self.built = None  # environments.BuiltEnvironment of the last sync
         self._applied: tuple | None = None
-        self.materials = MaterialSync(self.scene, self.images, self.messages, self.counts)
-        self.objects = ObjectSync(self.scene, self.materials, self.messages, self.counts)
+        self._environment_messages = Messages()
+        self._wanted: tuple[Environment, SamplerSettings] | None = None
+        self._awaited: tuple[Environment, Future] | None = None
+        self.materials = MaterialSync(self._uploads, self.images, self.messages, self.counts)
+        self.objects = ObjectSync(self._uploads, self.materials, self.messages, self.counts)
 
     def sync(self, depsgraph):
         self.messages.clear()
@@ -59,9 +68,35 @@ class SceneSync:
 
     def sync_environment(self, depsgraph):
         """World and sampler settings; a sampler that exists for the same map and settings is used again."""
-        environment = read_world(depsgraph.scene_eval.world, self.images, self.messages)
-        settings = SamplerSettings.of(depsgraph.scene_eval.skytree)
-        built = environments.get(environment, settings, self.messages)
+        found = Messages()
+        environment = read_world(depsgraph.scene_eval.world, self.images, found)
+        self.messages.replace(self._environment_messages, found)
+        self._environment_messages = found
+        self._wanted = environment, SamplerSettings.of(depsgraph.scene_eval.skytree)
+        self.follow_environment()
+
+    def follow_environment(self) -> bool:
+        """Takes over the environment that was last asked for, once its sampler is built; whether one is still
+        awaited. What was asked for in between is skipped. Raises what building the sampler raised."""
+        while self._wanted or self._awaited:
+            if self._awaited is None:
+                environment, settings = self._wanted
+                self._wanted = None
+                self._awaited = environment, environments.request(environment, settings)
+            environment, built = self._awaited
+            if not (self._wait_for_samplers or built.done()):
+                return True
+            self._awaited = None
+            self._apply(environment, built.result())
+        return False
+
+    @property
+    def awaits_sampler(self) -> bool:
+        return self._awaited is not None or self._wanted is not None
+
+    def _apply(self, environment: Environment, built: BuiltEnvironment):
+        self.messages.extend(built.messages)
+        self._environment_messages.extend(built.messages)
         applied = (
             id(built.sampler),
             environment.world_to_env.tobytes(),
@@ -69,7 +104,7 @@ class SceneSync:
             environment.visible,
         )
         if applied != self._applied:
-            self.scene.set_environment(
+            self._uploads.set_environment(
                 built.image,
                 built.sampler,
                 world_to_env=np.asarray(environment.world_to_env, np.float32),
@@ -86,6 +121,23 @@ class SceneSync:
     def _collect_native_warnings(self):
         for text in self.scene.warnings:
             self.messages.warn(text)
+
+
+class _Uploads:
+    """A native scene that says so before it is changed."""
+
+    def __init__(self, scene, before_upload: Callable[[], None]):
+        self._scene, self._before_upload = scene, before_upload
+
+    def __getattr__(self, name: str):
+        method = getattr(self._scene, name)
+
+        def upload(*arguments, **options):
+            self._before_upload()
+            return method(*arguments, **options)
+
+        setattr(self, name, upload)
+        return upload
 
 
 class _Changes:
