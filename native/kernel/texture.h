@@ -16,6 +16,7 @@ struct TextureView {
   int width, height, channels;
   TextureExtension extension;
   TextureInterpolation interpolation;
+  Vec3 u_row, v_row;  // the texture is looked up at (u_row . (u,v,1), v_row . (u,v,1))
 };
 
 /// Texel column or row for an index outside the picture; -1 where the extension shows nothing.
@@ -47,7 +48,9 @@ SKY_HD Vec3 texel(const TextureView& texture, int x, int y_up) {
   return {p[0], p[1], p[2]};
 }
 
-SKY_HD Vec3 sample_texture(const TextureView& texture, Vec2 uv) {
+SKY_HD Vec3 sample_texture(const TextureView& texture, Vec2 surface_uv) {
+  const Vec3 homogeneous = {surface_uv.x, surface_uv.y, 1.0f};
+  const Vec2 uv = {dot(texture.u_row, homogeneous), dot(texture.v_row, homogeneous)};
   // Beyond 2^22 periods a float has no fraction left, and the index would overflow.
   const float limit = 4194304.0f;
   float x = clampf(uv.x, -limit, limit) * static_cast<float>(texture.width);

@@ -200,7 +200,7 @@ Enum parse_name(const std::string& value, const char* what,
 }
 
 int add_texture(Scene& scene, const FloatArray& image, const std::string& interpolation,
-                const std::string& extension) {
+                const std::string& extension, const std::optional<FloatArray>& uv_transform) {
   if (image.ndim() != 3)
     throw std::invalid_argument("texture: image must have shape (H, W, 3) or (H, W, 4)");
   TextureInput input;
@@ -216,6 +216,12 @@ int add_texture(Scene& scene, const FloatArray& image, const std::string& interp
                                                   {"EXTEND", TextureExtension::kExtend},
                                                   {"CLIP", TextureExtension::kClip},
                                                   {"MIRROR", TextureExtension::kMirror}});
+  if (uv_transform) {
+    require_rows(*uv_transform, "uv_transform", 3, 2);
+    const float* m = uv_transform->data();
+    input.u_row = {m[0], m[1], m[2]};
+    input.v_row = {m[3], m[4], m[5]};
+  }
   py::gil_scoped_release release;
   return scene.add_texture(input);
 }
@@ -418,9 +424,10 @@ ids whose values multiply the plain ones.)")
           "material"_a, "closures"_a)
       .def("remove_material", &Scene::remove_material, "material"_a)
       .def("add_texture", &add_texture, "image"_a, "interpolation"_a = "LINEAR",
-           "extension"_a = "REPEAT", R"(
+           "extension"_a = "REPEAT", "uv_transform"_a = py::none(), R"(
 Adds an image (H,W,3) or (H,W,4) float32, scene-linear, row 0 at the top; returns its id. interpolation: LINEAR or
-CLOSEST; extension: REPEAT, EXTEND, CLIP or MIRROR.)")
+CLOSEST; extension: REPEAT, EXTEND, CLIP or MIRROR. uv_transform (2,3) turns the surface's (u,v,1) into where the
+image is looked up; None leaves them as they are.)")
       .def("remove_texture", &Scene::remove_texture, "texture"_a)
       .def(
           "set_camera",

@@ -23,6 +23,7 @@ struct TextureInput {
   int width = 0, height = 0, channels = 3;
   TextureInterpolation interpolation = TextureInterpolation::kLinear;
   TextureExtension extension = TextureExtension::kRepeat;
+  Vec3 u_row = {1, 0, 0}, v_row = {0, 1, 0};  // affine transform of the surface's (u,v,1)
 };
 
 struct EnvironmentInput {

@@ -125,8 +125,8 @@ void Scene::fill_tables() {
   for (const auto& [id, texture] : textures_) {
     texture_rows[id] = int(texture_views_.size());
     const TextureInput& in = texture.input;
-    texture_views_.push_back(
-        {in.texels, in.width, in.height, in.channels, in.extension, in.interpolation});
+    texture_views_.push_back({in.texels, in.width, in.height, in.channels, in.extension,
+                              in.interpolation, in.u_row, in.v_row});
   }
   material_views_.clear();
   closures_.clear();
