@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What each kernel takes: one struct by value, shared by host and device. Pointers in it are device
+// pointers.
+#pragma once
+
+#include "kernel/path.h"
+
+namespace skytree::cuda {
+
+/// Launch width of every kernel; what shares a block is a tile of 16 x 8 pixels.
+constexpr int kThreads = 128;
+constexpr int kBlockWidth = 16, kBlockHeight = 8;
+
+/// sample_directions: out[i] = sample_environment(sampler, u[i]).
+struct SampleParameters {
+  EnvSamplerView sampler;
+  const Vec3* u;
+  DirectionSample* out;
+  uint32_t count;
+};
+
+/// evaluate_pdf: out[i] = environment_pdf(sampler, directions[i]).
+struct PdfParameters {
+  EnvSamplerView sampler;
+  const Vec3* directions;
+  float* out;
+  uint32_t count;
+};
+
+/// trace_rays: out[i] = the hit of rays[i].
+struct TraceParameters {
+  TracerView tracer;
+  const InstanceView* instances;
+  const Ray* rays;
+  Hit* out;
+  uint32_t count;
+  bool any;
+};
+
+struct PassCounters {
+  unsigned long long rays;
+  unsigned long long rejected;  // samples that were not finite
+};
+
+/// render_pass: adds samples first_sample … + sample_count - 1 of each pixel of the region to the
+/// film.
+struct PassParameters {
+  SceneView scene;
+  TracerView tracer;
+  RenderSettings settings;
+  int x0, y0, width, height;  // region, pixels
+  uint32_t first_sample, sample_count;
+  FilmPixel* film;  // height x width, bottom row first
+  PassCounters* counters;
+};
+
+}  // namespace skytree::cuda

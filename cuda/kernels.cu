@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Thin wrappers: which thread computes what. What is computed stands in native/kernel, the same for
+// the CPU.
+//
+// Where the tables live: kernel parameters are in constant memory (views, settings); the kd-tree's
+// tables, at most 48 KB, are read through L1, where they stay, since each block of threads reads
+// them all over: shared memory would hold them no closer, and would cost a copy per block and the
+// occupancy.
+#include "cuda/kernel_parameters.h"
+
+namespace skytree::cuda {
+namespace {
+
+__device__ uint32_t thread_index() { return blockIdx.x * blockDim.x + threadIdx.x; }
+
+}  // namespace
+
+extern "C" {
+
+__global__ void __launch_bounds__(kThreads)
+    sample_directions(const __grid_constant__ SampleParameters p) {
+  const uint32_t i = thread_index();
+  if (i < p.count) p.out[i] = sample_environment(p.sampler, p.u[i]);
+}
+
+__global__ void __launch_bounds__(kThreads) evaluate_pdf(const __grid_constant__ PdfParameters p) {
+  const uint32_t i = thread_index();
+  if (i < p.count) p.out[i] = environment_pdf(p.sampler, p.directions[i]);
+}
+
+__global__ void __launch_bounds__(kThreads) trace_rays(const __grid_constant__ TraceParameters p) {
+  const uint32_t i = thread_index();
+  if (i < p.count) p.out[i] = trace_ray(p.tracer, p.instances, p.rays[i], p.any);
+}
+
+__global__ void __launch_bounds__(kThreads) render_pass(const __grid_constant__ PassParameters p) {
+  // A warp takes 8 x 4 neighbouring pixels: their rays visit the same nodes.
+  const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  const int blocks_x = (p.width + kBlockWidth - 1) / kBlockWidth;
+  const int x = static_cast<int>(blockIdx.x % blocks_x) * kBlockWidth + (warp & 1) * 8 + (lane & 7);
+  const int y =
+      static_cast<int>(blockIdx.x / blocks_x) * kBlockHeight + (warp >> 1) * 4 + (lane >> 3);
+  if (x >= p.width || y >= p.height) return;
+  FilmPixel* film = p.film + static_cast<int64_t>(y) * p.width + x;
+  FilmPixel pixel = *film;
+  unsigned long long rays = 0, rejected = 0;
+  for (uint32_t s = 0; s < p.sample_count; ++s) {
+    const PathResult result =
+        trace_path(p.scene, p.tracer, p.settings, p.x0 + x, p.y0 + y, p.first_sample + s);
+    rays += result.rays;
+    rejected += !add_to_film(result, &pixel);
+  }
+  *film = pixel;
+  atomicAdd(&p.counters->rays, rays);
+  if (rejected) atomicAdd(&p.counters->rejected, rejected);
+}
+
+}  // extern "C"
+
+}  // namespace skytree::cuda

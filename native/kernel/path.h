@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// One whole path in one function: the stages of stages.h with kernel/bvh.h between them, for
+// devices that give every pixel a thread. A host that traces packets runs the same stages over
+// arrays instead (src/tile_integrator_body.h); order and random numbers are the same, so both
+// compute the same sample but for the tracer's rounding.
+#pragma once
+
+#include "kernel/bvh.h"
+#include "kernel/stages.h"
+
+namespace skytree {
+
+struct PathResult {
+  Vec3 radiance;
+  float alpha;
+  uint32_t rays;
+};
+
+/// Sample `sample` of pixel (x,y), absolute film coordinates.
+SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
+                             const RenderSettings& settings, int x, int y, uint32_t sample) {
+  const uint32_t seed = pixel_seed(settings.seed, x, y);
+  PathState path;
+  start_path(scene, settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter), &path);
+  uint32_t rays = 0;
+  const int max_vertices = settings.max_bounces + kMaxTransparentBounces + 2;
+  bool alive = true;
+  for (int vertex = 0; alive && vertex < max_vertices; ++vertex) {
+    const Hit hit = trace_ray(tracer, scene.instances, path.ray, false);
+    Connection connections[2];
+    int count = 0;
+    alive = shade(scene, settings, hit, vertex_random(seed, sample, vertex), &path, connections,
+                  &count);
+    for (int i = 0; i < count; ++i) {
+      const Hit blocker = trace_ray(tracer, scene.instances, connections[i].ray, true);
+      if (blocker.instance < 0) path.radiance += connection_radiance(scene, connections[i]);
+    }
+    rays += 1 + count;
+  }
+  return {path.radiance, path.alpha, rays};
+}
+
+/// Sums of a pixel's samples, as the host's film keeps them: double, because float sums drift after
+/// some thousand samples.
+struct FilmPixel {
+  double radiance[3];
+  double alpha;
+};
+
+/// Returns false for a sample that is not finite; it counts as black.
+SKY_HD bool add_to_film(const PathResult& result, FilmPixel* pixel) {
+  pixel->alpha += result.alpha;
+  const float sum = result.radiance.x + result.radiance.y + result.radiance.z;
+  if (!(fabsf(sum) < INFINITY)) return false;
+  pixel->radiance[0] += result.radiance.x;
+  pixel->radiance[1] += result.radiance.y;
+  pixel->radiance[2] += result.radiance.z;
+  return true;
+}
+
+}  // namespace skytree
