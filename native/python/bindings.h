@@ -7,6 +7,7 @@
 
 namespace skytree {
 
+void bind_devices(pybind11::module_& m);
 void bind_samplers(pybind11::module_& m);
 void bind_render(pybind11::module_& m);
 

@@ -4,6 +4,7 @@
 
 PYBIND11_MODULE(_native, m) {
   m.doc() = "Native core of Skytree; use it through the package skytree_core.";
+  skytree::bind_devices(m);
   skytree::bind_samplers(m);
   skytree::bind_render(m);
 }

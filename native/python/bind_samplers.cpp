@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The samplers for numpy: checks of arrays and settings, and the GIL. Docstrings are in
+// skytree_core/_native.pyi's terms: (n, k) shapes, units, what is raised.
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bindings.h"
+#include "src/alias_sampler.h"
+#include "src/inversion_sampler.h"
+#include "src/kdtree_sampler.h"
+
+namespace py = pybind11;
+
+namespace skytree {
+namespace {
+
+using FloatArray = py::array_t<float, py::array::c_style | py::array::forcecast>;
+
+std::string shape_text(const py::array& array) {
+  std::string text = "(";
+  for (py::ssize_t i = 0; i < array.ndim(); ++i) {
+    text += (i ? ", " : "") + std::to_string(array.shape(i));
+  }
+  return text + (array.ndim() == 1 ? ",)" : ")");
+}
+
+/// An array of floating-point numbers, or std::invalid_argument that names it.
+py::array require_float_array(const py::object& value, const char* name) {
+  const py::array array = py::array::ensure(value);
+  if (!array) {
+    PyErr_Clear();
+    throw std::invalid_argument(std::string(name) + " is not an array");
+  }
+  if (array.dtype().kind() != 'f') {
+    throw std::invalid_argument(std::string(name) + " has dtype " +
+                                py::str(py::object(array.dtype())).cast<std::string>() +
+                                "; it must hold floating-point numbers");
+  }
+  return array;
+}
+
+FloatArray require_image(const py::object& value) {
+  const py::array array = require_float_array(value, "image");
+  if (array.ndim() != 3 || array.shape(2) != 3 || array.shape(0) < 1 || array.shape(1) < 1) {
+    throw std::invalid_argument("image has shape " + shape_text(array) +
+                                "; it must be (height, width, 3), linear RGB, not empty");
+  }
+  return FloatArray(array);
+}
+
+LatLongImage image_view(const FloatArray& image) {
+  if (image.shape(0) > INT32_MAX || image.shape(1) > INT32_MAX)
+    return {image.data(), INT32_MAX, INT32_MAX};
+  return {image.data(), (int)image.shape(1), (int)image.shape(0)};
+}
+
+py::array require_triples(const py::object& value, const char* name) {
+  const py::array array = require_float_array(value, name);
+  if (array.ndim() != 2 || array.shape(1) != 3) {
+    throw std::invalid_argument(std::string(name) + " has shape " + shape_text(array) +
+                                "; it must be (n, 3)");
+  }
+  return array;
+}
+
+std::string row_text(const char* name, size_t row, const double* v) {
+  return std::string(name) + "[" + std::to_string(row) + "] is (" + std::to_string(v[0]) + ", " +
+         std::to_string(v[1]) + ", " + std::to_string(v[2]) + ")";
+}
+
+/// Rows of three, each passed through `convert` (three doubles, row) -> Vec3, which may throw.
+template <typename Convert>
+std::vector<Vec3> convert_rows(const py::array& array, const Convert& convert) {
+  std::vector<Vec3> rows((size_t)array.shape(0));
+  const auto convert_all = [&](const auto* data) {
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const double v[3] = {data[3 * i], data[3 * i + 1], data[3 * i + 2]};
+      rows[i] = convert(v, i);
+    }
+  };
+  if (py::isinstance<FloatArray>(array)) {
+    convert_all(FloatArray(array).data());
+  } else {
+    convert_all(py::array_t<double, py::array::c_style | py::array::forcecast>(array).data());
+  }
+  return rows;
+}
+
+Vec3 random_number(const double* v, size_t row) {
+  for (int k = 0; k < 3; ++k) {
+    if (!(v[k] >= 0.0 && v[k] < 1.0)) {
+      throw std::invalid_argument(row_text("u", row, v) + "; random numbers must be in [0, 1)");
+    }
+  }
+  // A double just below 1 would round up to 1.
+  return {fminf((float)v[0], kOneMinusEpsilon), fminf((float)v[1], kOneMinusEpsilon),
+          fminf((float)v[2], kOneMinusEpsilon)};
+}
+
+Vec3 unit_direction(const double* v, size_t row) {
+  const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+  if (!(square > 0.0 && square < INFINITY)) {
+    throw std::invalid_argument(row_text("directions", row, v) + ", which is no direction");
+  }
+  // What sample() returned must stay as it is, bit by bit, or its pdf may differ.
+  const double scale = std::abs(square - 1.0) < 1e-5 ? 1.0 : 1.0 / std::sqrt(square);
+  return {(float)(scale * v[0]), (float)(scale * v[1]), (float)(scale * v[2])};
+}
+
+py::tuple sample(const EnvironmentSampler& sampler, const py::object& u) {
+  const std::vector<Vec3> numbers = convert_rows(require_triples(u, "u"), random_number);
+  const py::ssize_t count = (py::ssize_t)numbers.size();
+  FloatArray directions({count, (py::ssize_t)3});
+  FloatArray pdf(count);
+  float* out = directions.mutable_data();
+  float* density = pdf.mutable_data();
+  {
+    py::gil_scoped_release release;
+    const EnvSamplerView view = sampler.view();
+    for (py::ssize_t i = 0; i < count; ++i) {
+      const DirectionSample s = sample_environment(view, numbers[i]);
+      out[3 * i] = s.direction.x;
+      out[3 * i + 1] = s.direction.y;
+      out[3 * i + 2] = s.direction.z;
+      density[i] = s.pdf;
+    }
+  }
+  return py::make_tuple(directions, pdf);
+}
+
+FloatArray pdf(const EnvironmentSampler& sampler, const py::object& directions) {
+  const std::vector<Vec3> unit =
+      convert_rows(require_triples(directions, "directions"), unit_direction);
+  FloatArray result((py::ssize_t)unit.size());
+  float* density = result.mutable_data();
+  {
+    py::gil_scoped_release release;
+    const EnvSamplerView view = sampler.view();
+    for (size_t i = 0; i < unit.size(); ++i) density[i] = environment_pdf(view, unit[i]);
+  }
+  return result;
+}
+
+template <typename Enum>
+struct Choice {
+  const char* name;
+  Enum value;
+};
+
+template <typename Enum, size_t N>
+Enum parse(const std::string& text, const char* setting, const Choice<Enum> (&choices)[N]) {
+  std::string names;
+  for (const auto& choice : choices) {
+    if (text == choice.name) return choice.value;
+    names += (names.empty() ? "" : ", ") + std::string(choice.name);
+  }
+  throw std::invalid_argument(std::string(setting) + " is \"" + text + "\"; it must be one of " +
+                              names);
+}
+
+constexpr Choice<SplitCriterion> kSplitCriteria[] = {
+    {"RANGE", SplitCriterion::RANGE},
+    {"VARIANCE", SplitCriterion::VARIANCE},
+    {"SSE", SplitCriterion::SSE},
+    {"MIN_VARIANCE", SplitCriterion::MIN_VARIANCE}};
+constexpr Choice<BlockProbability> kBlockProbabilities[] = {
+    {"FITTED", BlockProbability::FITTED},
+    {"EXACT", BlockProbability::EXACT},
+    {"MIN_VARIANCE", BlockProbability::MIN_VARIANCE}};
+constexpr Choice<Statistics> kStatistics[] = {{"RADIANCE", Statistics::RADIANCE},
+                                              {"PIXELS", Statistics::PIXELS}};
+
+/// The sampler with the array that it was built from, for reconstruct(). A render thread may be the
+/// last to let go of it, so the array is given back under the GIL.
+struct KdTree : KdTreeSampler {
+  KdTree(const FloatArray& array, const KdTreeConfig& config)
+      : KdTreeSampler(image_view(array), config), image(new FloatArray(array), [](FloatArray* a) {
+          py::gil_scoped_acquire acquire;
+          delete a;
+        }) {}
+
+  std::shared_ptr<FloatArray> image;
+};
+
+std::shared_ptr<KdTree> make_kdtree(const py::object& image, int64_t block_count,
+                                    const std::string& split_criterion,
+                                    const std::string& block_probability,
+                                    const std::string& statistics, double uniform_share,
+                                    const py::object& progress) {
+  const FloatArray array = require_image(image);
+  KdTreeConfig config;
+  config.block_count = (int)std::clamp<int64_t>(block_count, -1, INT32_MAX);
+  config.split_criterion = parse(split_criterion, "split_criterion", kSplitCriteria);
+  config.block_probability = parse(block_probability, "block_probability", kBlockProbabilities);
+  config.statistics = parse(statistics, "statistics", kStatistics);
+  config.uniform_share = uniform_share;
+  if (!progress.is_none()) {
+    config.progress = [&progress](double done) {
+      py::gil_scoped_acquire acquire;
+      const py::object answer = progress(done);
+      return answer.is_none() || answer.cast<bool>();
+    };
+  }
+  py::gil_scoped_release release;
+  return std::make_shared<KdTree>(array, config);
+}
+
+template <typename Container, typename Get>
+py::array_t<double> to_array(const Container& values, const Get& get) {
+  py::array_t<double> array((py::ssize_t)values.size());
+  for (size_t i = 0; i < values.size(); ++i) array.mutable_data()[i] = get(values[i]);
+  return array;
+}
+
+py::array_t<int32_t> bounds(const KdTreeSampler& sampler) {
+  py::array_t<int32_t> array({(py::ssize_t)sampler.rects().size(), (py::ssize_t)4});
+  int32_t* out = array.mutable_data();
+  for (const TexelRect& rect : sampler.rects()) {
+    for (int32_t v : {rect.lo[0], rect.lo[1], rect.hi[0], rect.hi[1]}) *out++ = v;
+  }
+  return array;
+}
+
+FloatArray reconstruct(const KdTree& sampler) {
+  FloatArray out({sampler.image->shape(0), sampler.image->shape(1), (py::ssize_t)3});
+  const LatLongImage image = image_view(*sampler.image);
+  float* data = out.mutable_data();
+  py::gil_scoped_release release;
+  sampler.reconstruct(image, data);
+  return out;
+}
+
+template <typename Sampler>
+std::shared_ptr<Sampler> without_gil(const py::object& image) {
+  const FloatArray array = require_image(image);
+  py::gil_scoped_release release;
+  return std::make_shared<Sampler>(image_view(array));
+}
+
+std::shared_ptr<InversionSampler> make_inversion(const py::object& image,
+                                                 const std::string& method) {
+  const FloatArray array = require_image(image);
+  if (method != "guided" && method != "binary") {
+    throw std::invalid_argument("method is \"" + method + "\"; it must be one of guided, binary");
+  }
+  py::gil_scoped_release release;
+  return std::make_shared<InversionSampler>(image_view(array), method == "guided");
+}
+
+}  // namespace
+
+void bind_samplers(py::module_& m) {
+  py::register_exception<BuildCancelled>(m, "BuildCancelled", PyExc_RuntimeError).attr("__doc__") =
+      "The progress callback of KdTreeSampler asked to stop.";
+
+  py::class_<EnvironmentSampler, std::shared_ptr<EnvironmentSampler>>(m, "EnvironmentSampler", R"(
+A density over directions, immutable and safe to share between threads.
+
+Directions are in the map's frame: +Z up, azimuth atan2(y, x), as Cycles shows the map. Densities are per steradian.)")
+      .def("sample", &sample, py::arg("u"), R"(
+Draw directions.
+
+u: (n, 3), any floating-point dtype, in [0, 1). u[:, 0] chooses where a method chooses once; (u[:, 1], u[:, 2]) is warped or
+placed inside what was chosen, so the better stratified pair belongs there.
+
+Returns (directions (n, 3) float32 of unit length, pdf (n,) float32 per steradian).
+Raises ValueError for another shape or dtype, and for numbers out of range.)")
+      .def("pdf", &pdf, py::arg("directions"), R"(
+Density per steradian with which sample() returns each direction.
+
+directions: (n, 3), any floating-point dtype; normalised if they are not of unit length.
+
+Returns (n,) float32; for a direction that sample() returned, exactly the pdf that came with it.
+Raises ValueError for another shape or dtype, and for a zero or non-finite vector.)")
+      .def_property_readonly(
+          "nbytes", &EnvironmentSampler::nbytes,
+          "Bytes of the tables that sample() and pdf() read, the image left out.")
+      .def_property_readonly(
+          "bad_texels", [](const EnvironmentSampler& s) { return s.bad_texels().total(); },
+          "Number of texels with a NaN, infinite or negative component; they count as black.")
+      .def_property_readonly(
+          "bad_texels_message",
+          [](const EnvironmentSampler& s) { return s.bad_texels().message(); },
+          "How many bad texels of which kind, in a sentence; empty if there are none.");
+
+  py::class_<KdTree, EnvironmentSampler, std::shared_ptr<KdTree>>(m, "KdTreeSampler", R"(
+Kd-tree importance sampling of a lat-long map (Ergun, Kurt and Ozturk, SCCG 2012).
+
+image: (H, W, 3) linear RGB, row 0 at the top, any size from 1x1; a reference is kept for reconstruct().
+block_count: 1 to 32768; fewer come out if no block with variation is left to split (a constant map stays one block).
+split_criterion: which block is split next, and where: "RANGE", "VARIANCE", "SSE" (the paper's) or "MIN_VARIANCE" (what
+    most reduces the sum over blocks of sqrt(solid angle * integral of L^2)).
+block_probability: "FITTED" (the paper's model of sorted probabilities with one parameter alpha), "EXACT" (in proportion to
+    the block's power) or "MIN_VARIANCE" (in proportion to sqrt(solid angle * integral of L^2)).
+statistics: "RADIANCE" (weighted by solid angle, radiance interpolated between texels as a renderer does) or "PIXELS" (the
+    paper's: every pixel counts alike, with its own value).
+uniform_share: share of samples spread over the sphere with "EXACT" and "MIN_VARIANCE"; bounds the largest weight.
+progress: called with the share done, 0 to 1; returning False stops the build with BuildCancelled.
+
+Raises ValueError for a bad image or setting. Texels that are NaN, infinite or negative count as black.)")
+      .def(py::init(&make_kdtree), py::arg("image"), py::arg("block_count") = 1024,
+           py::arg("split_criterion") = "SSE", py::arg("block_probability") = "FITTED",
+           py::kw_only(), py::arg("statistics") = "RADIANCE", py::arg("uniform_share") = 0.05,
+           py::arg("progress") = py::none())
+      .def_property_readonly(
+          "alpha", [](const KdTree& s) { return s.fit().alpha; },
+          "Parameter of the rank model, fitted to empirical (paper, equation 2).")
+      .def_property_readonly(
+          "fit_error", [](const KdTree& s) { return s.fit().rms_error; },
+          "Root mean squared difference between the model's probabilities and empirical.")
+      .def_property_readonly(
+          "kl_divergence", [](const KdTree& s) { return s.fit().kl_divergence; },
+          "Kullback-Leibler divergence of the model from empirical, in nats.")
+      .def_property_readonly("block_count", &KdTree::block_count, "Number of blocks that exist.")
+      .def_property_readonly("bounds", &bounds, R"(
+(n, 4) int32: x0, y0, x1, y1 of each block in texels, x1 and y1 exclusive. In the order of probabilities: by descending
+power with "FITTED", else depth first down the tree.)")
+      .def_property_readonly(
+          "probabilities",
+          [](const KdTree& s) { return to_array(s.probabilities(), [](double p) { return p; }); },
+          "(n,) float64: what each block is chosen with, in the order of bounds.")
+      .def_property_readonly(
+          "empirical",
+          [](const KdTree& s) { return to_array(s.empirical(), [](double p) { return p; }); },
+          "(n,) float64: the blocks' shares of the map's power, descending; what alpha was fitted "
+          "to.")
+      .def("reconstruct", &reconstruct, R"(
+The map with every block at its mean radiance (the paper's Figure 1): (H, W, 3) float32. Reads the image that was given to
+the constructor, which must not have been written to since.)")
+      .def_property_readonly(
+          "build_seconds", &KdTree::build_seconds,
+          "Seconds that reading the image, growing the tree and making the tables took.");
+
+  py::class_<InversionSampler, EnvironmentSampler, std::shared_ptr<InversionSampler>>(
+      m, "InversionSampler", R"(
+Inversion of marginal and conditional distribution functions over texels.
+
+image: (H, W, 3) linear RGB. method: "guided" (the search starts from a table, Chen and Asau 1974) or "binary".
+Weights are solid angle times the mean of the interpolated luminance over a texel. Raises ValueError for a bad image.)")
+      .def(py::init(&make_inversion), py::arg("image"), py::kw_only(), py::arg("method") = "guided")
+      .def_property_readonly("build_seconds", &InversionSampler::build_seconds,
+                             "Seconds that building the tables took.");
+
+  py::class_<AliasSampler, EnvironmentSampler, std::shared_ptr<AliasSampler>>(m, "AliasSampler", R"(
+Alias table over texels (Walker 1977, Vose 1991), with the weights of InversionSampler.
+
+image: (H, W, 3) linear RGB. Raises ValueError for a bad image.)")
+      .def(py::init(&without_gil<AliasSampler>), py::arg("image"))
+      .def_property_readonly("build_seconds", &AliasSampler::build_seconds,
+                             "Seconds that building the table took.");
+
+  py::class_<UniformSampler, EnvironmentSampler, std::shared_ptr<UniformSampler>>(
+      m, "UniformSampler", "Every direction alike: 1/(4 pi) per steradian.")
+      .def(py::init<>());
+}
+
+}  // namespace skytree

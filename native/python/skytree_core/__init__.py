@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kd-tree importance sampling of environment maps, its rivals, and a small path tracer.
+
+    image = skytree_core.read_image("sky.exr")
+    sampler = skytree_core.KdTreeSampler(image)
+    directions, pdf = sampler.sample(numpy.random.default_rng(0).random((1000, 3)))
+
+Method: Ergun, Kurt and Ozturk, "Real-time Kd-tree Based Importance Sampling of Environment Maps", SCCG 2012.
+World axes are Blender's: +Z up, and a direction meets the texel that Cycles shows there.
+"""
+
+from ._native import (
+    AliasSampler,
+    BuildCancelled,
+    Device,
+    EnvironmentSampler,
+    InversionSampler,
+    KdTreeSampler,
+    RenderSession,
+    Scene,
+    UniformSampler,
+    devices,
+)
+from .image import read_image
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AliasSampler",
+    "BuildCancelled",
+    "Device",
+    "EnvironmentSampler",
+    "InversionSampler",
+    "KdTreeSampler",
+    "RenderSession",
+    "Scene",
+    "UniformSampler",
+    "devices",
+    "read_image",
+]
