@@ -98,6 +98,7 @@ Mesh::Mesh(const MeshInput& input) : name_(input.name) {
       if (input.material_slots) material_slots_.push_back(input.material_slots[t]);
     }
   }
+  corner_count_ = input.corner_count;
   corner_normals_ = copy_array(input.corner_normals, 3 * input.corner_count);
   corner_uvs_ = copy_array(input.corner_uvs, 2 * input.corner_count);
   corner_tangents_ = copy_array(input.corner_tangents, 3 * input.corner_count);

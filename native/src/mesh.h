@@ -7,6 +7,7 @@
 
 #include "kernel/geometry.h"
 #include "src/embree_api.h"
+#include "src/scene_parts.h"
 
 namespace skytree {
 
@@ -36,7 +37,10 @@ class Mesh {
   bool empty() const { return triangles_.empty(); }
   const std::string& name() const { return name_; }
   const std::string& warning() const { return warning_; }  // empty: none
+  uint64_t serial() const { return serial_; }
+  size_t vertex_count() const { return positions_.size() / 3; }
   size_t triangle_count() const { return triangles_.size() / 3; }
+  size_t corner_count() const { return corner_count_; }
   size_t nbytes() const;
 
   /// Builds the tree if it does not exist; false when cancelled. Throws std::runtime_error.
@@ -44,9 +48,11 @@ class Mesh {
   RTCScene tree() const { return tree_.get(); }
 
  private:
+  const uint64_t serial_ = next_serial();
   std::string name_, warning_;
   std::vector<float> positions_, corner_normals_, corner_uvs_, corner_tangents_;
   std::vector<int32_t> triangles_, corners_, material_slots_;
+  size_t corner_count_ = 0;
   Vec3 lower_, upper_;
   EmbreeScene tree_;
 };

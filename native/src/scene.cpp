@@ -53,7 +53,7 @@ void Scene::require_idle() const {
 void Scene::begin_use() {
   // Without a lock, which a session that builds may hold for long: nobody builds while there are no
   // users.
-  if (users_++ == 0) committed_ = false;
+  if (users_++ == 0) tables_committed_ = trees_committed_ = false;
 }
 
 int Scene::add_mesh(const MeshInput& input) {

@@ -13,6 +13,7 @@
 #include "kernel/scene_view.h"
 #include "src/camera_setup.h"
 #include "src/mesh.h"
+#include "src/scene_parts.h"
 
 namespace skytree {
 
@@ -73,10 +74,13 @@ class Scene {
   SceneStats stats() const;
 
   /// Builds what changed and fills the tables behind view(); false when cancelled. For a session's
-  /// thread, between begin_use and end_use; of several sessions the first one builds.
-  bool commit(const std::atomic<bool>& cancel);
+  /// thread, between begin_use and end_use; of several sessions the first one builds. Without
+  /// `trees`, for a device that has its own, only the tables.
+  bool commit(const std::atomic<bool>& cancel, bool trees = true);
   /// Valid until the next change. `width` and `height` of the film, pixels.
   SceneView view(int width, int height) const;
+  /// The same with sizes and identities, for a device that mirrors the scene.
+  SceneParts parts(int width, int height) const;
   RTCScene tree() const { return top_level_.get(); }
 
   /// Until as many end_use() have come, every change throws.
@@ -99,11 +103,14 @@ class Scene {
   struct Texture {
     TextureInput input;
     std::vector<float> texels;
+    uint64_t serial = next_serial();
   };
 
   void require_idle() const;
-  bool build(const std::atomic<bool>& cancel);
+  bool is_usable(const Instance& instance) const;
+  bool build_trees(const std::atomic<bool>& cancel);
   void fill_tables();
+  void place_instances();
 
   std::map<int, std::unique_ptr<Mesh>> meshes_;
   std::map<int, Instance> instances_;
@@ -129,7 +136,7 @@ class Scene {
   SceneStats stats_;
   std::atomic<int> users_{0};
   std::timed_mutex commit_mutex_;
-  bool committed_ = false;  // since the first of the present users came
+  bool tables_committed_ = false, trees_committed_ = false;  // since the first of the present users
 };
 
 }  // namespace skytree

@@ -50,29 +50,36 @@ std::string transform_problem(const Matrix4& m) {
   return "";
 }
 
-bool Scene::commit(const std::atomic<bool>& cancel) {
+bool Scene::is_usable(const Instance& instance) const {
+  return transform_problem(instance.matrix).empty() && !meshes_.at(instance.mesh)->empty();
+}
+
+bool Scene::commit(const std::atomic<bool>& cancel, bool trees) {
   std::unique_lock<std::timed_mutex> lock(commit_mutex_, std::defer_lock);
   while (!lock.try_lock_for(std::chrono::milliseconds(5))) {
     if (cancel) return false;
   }
-  if (!committed_) committed_ = build(cancel);
-  return committed_;
+  if (!tables_committed_) {
+    if (tables_changed_) fill_tables();
+    place_instances();
+    tables_committed_ = true;
+  }
+  if (trees && !trees_committed_) trees_committed_ = build_trees(cancel);
+  return !trees || trees_committed_;
 }
 
-bool Scene::build(const std::atomic<bool>& cancel) {
+bool Scene::build_trees(const std::atomic<bool>& cancel) {
   const EmbreeApi& api = embree();
   for (auto& [id, mesh] : meshes_) {
     if (mesh->tree() || mesh->empty()) continue;
     if (!mesh->build(cancel)) return false;
     ++stats_.meshes_built;
   }
-  if (tables_changed_) fill_tables();
 
   bool moved = false;
   for (auto& [id, instance] : instances_) {
     if (!instance.changed) continue;
-    const bool usable =
-        transform_problem(instance.matrix).empty() && !meshes_.at(instance.mesh)->empty();
+    const bool usable = is_usable(instance);
     moved = true;
     instance.usable = usable;
     instance.changed = false;
@@ -101,7 +108,10 @@ bool Scene::build(const std::atomic<bool>& cancel) {
     top_level_changed_ = false;
     ++stats_.top_level_built;
   }
-  // After the trees, as a table row follows the transform that the tree has.
+  return true;
+}
+
+void Scene::place_instances() {
   size_t row = 0;
   for (auto& [id, instance] : instances_) {
     InstanceView& view = instance_views_[row++];
@@ -110,7 +120,6 @@ bool Scene::build(const std::atomic<bool>& cancel) {
     view.translation = fresh.translation;
     view.normal = fresh.normal;
   }
-  return true;
 }
 
 void Scene::fill_tables() {
