@@ -75,7 +75,7 @@ def _bundled_wheel() -> str:
         found = ", ".join(map(os.path.basename, wheels)) or "none"
         raise CoreUnavailableError(
             f"Skytree's native core is missing: no wheel for {tag} in {folder} (found: {found}). "
-            f"Install Skytree from its release zip, or set {PATH_VARIABLE} to the folder of a built skytree_core"
+            f"Install Skytree from its release zip, or set {PATH_VARIABLE} to where skytree_core lies"
         )
     return matching[-1]
 
