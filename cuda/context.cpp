@@ -95,6 +95,24 @@ void Context::mark_lost() {
   if (entry != registry().end() && entry->second.lock().get() == this) registry().erase(entry);
 }
 
+bool Context::healthy() const {
+  try {
+    const ContextScope scope(*this);
+    size_t free_bytes, total_bytes;
+    return driver().memory_get_info(&free_bytes, &total_bytes) == kSuccess;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
+void Context::forget_expired() {
+  if (shared_.size() <= shared_limit_) return;
+  for (auto entry = shared_.begin(); entry != shared_.end();) {
+    entry = entry->second.expired() ? shared_.erase(entry) : std::next(entry);
+  }
+  shared_limit_ = 2 * shared_.size() + 64;
+}
+
 FunctionHandle Context::function(const std::string& name) const {
   const std::lock_guard<std::mutex> lock(functions_guard_);
   FunctionHandle& function = functions_[name];
@@ -144,6 +162,7 @@ void Buffer::upload(const void* data, size_t bytes) {
   if (bytes == 0) return;
   const ContextScope scope(*context_);
   check(driver().copy_to_device(pointer_, data, bytes), "Copying to the GPU (cuMemcpyHtoD)");
+  context_->uploaded_bytes_ += bytes;
 }
 
 void Buffer::download(void* data, size_t bytes) const {
@@ -202,6 +221,26 @@ void Event::make_wait(const Stream& stream) const {
 void Event::synchronize() const {
   const ContextScope scope(*context_);
   check(driver().event_synchronize(handle_), "Waiting for the GPU (cuEventSynchronize)");
+}
+
+void copy_on_device(const Context& context, const Buffer& to, const Buffer& from,
+                    const Stream& stream) {
+  const ContextScope scope(context);
+  check(driver().copy_on_device_async(to.pointer(), from.pointer(), from.bytes(), stream.handle()),
+        "Copying on the GPU (cuMemcpyDtoDAsync)");
+}
+
+void copy_to_host(const Context& context, const PinnedBuffer& to, const Buffer& from,
+                  const Stream& stream) {
+  const ContextScope scope(context);
+  check(driver().copy_to_host_async(to.data(), from.pointer(), from.bytes(), stream.handle()),
+        "Copying from the GPU (cuMemcpyDtoHAsync)");
+}
+
+void clear(const Context& context, const Buffer& buffer, const Stream& stream) {
+  const ContextScope scope(context);
+  check(driver().memset_async(buffer.pointer(), 0, buffer.bytes() / 4, stream.handle()),
+        "Clearing the film (cuMemsetD32Async)");
 }
 
 }  // namespace skytree::cuda

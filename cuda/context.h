@@ -4,10 +4,14 @@
 // any thread may use and destroy it.
 #pragma once
 
+#include <atomic>
+#include <chrono>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <typeindex>
+#include <utility>
 
 #include "cuda/driver.h"
 
@@ -31,6 +35,29 @@ class Context {
   /// A kernel by its name. Throws Error.
   FunctionHandle function(const std::string& name) const;
 
+  /// What several sessions use of one scene exists once: the object made for `key`, or a new one by
+  /// `make`, which returns a std::unique_ptr<T>. Lives as long as somebody holds it. Null if `make`
+  /// returns that, or when cancelled while another thread makes something.
+  template <class T, class Make>
+  std::shared_ptr<const T> share(uint64_t key, const std::atomic<bool>& cancel, Make make) {
+    std::unique_lock<std::timed_mutex> lock(shared_guard_, std::defer_lock);
+    while (!lock.try_lock_for(std::chrono::milliseconds(5))) {
+      if (cancel) return nullptr;
+    }
+    std::weak_ptr<const void>& entry = shared_[{std::type_index(typeid(T)), key}];
+    auto object = std::static_pointer_cast<const T>(entry.lock());
+    if (!object) {
+      entry = object = std::shared_ptr<const T>(make());
+      forget_expired();
+    }
+    return object;
+  }
+
+  /// False after a fault, when every call in this context fails.
+  bool healthy() const;
+  /// Bytes copied to the GPU so far.
+  size_t uploaded_bytes() const { return uploaded_bytes_; }
+
   ContextHandle handle() const { return handle_; }
   const std::string& device_name() const { return device_name_; }
   int multiprocessors() const { return multiprocessors_; }
@@ -43,6 +70,12 @@ class Context {
   int multiprocessors_ = 0;
   ContextHandle handle_ = nullptr;
   ModuleHandle module_ = nullptr;
+  friend class Buffer;
+  void forget_expired();
+  std::atomic<size_t> uploaded_bytes_{0};
+  std::timed_mutex shared_guard_;
+  size_t shared_limit_ = 64;  // forget expired entries when there are more
+  std::map<std::pair<std::type_index, uint64_t>, std::weak_ptr<const void>> shared_;
   mutable std::mutex functions_guard_;
   mutable std::map<std::string, FunctionHandle> functions_;
 };
@@ -81,6 +114,10 @@ class Buffer {
   template <class T>
   const T* as() const {
     return reinterpret_cast<const T*>(static_cast<uintptr_t>(pointer_));
+  }
+  template <class T>
+  T* writable() const {
+    return reinterpret_cast<T*>(static_cast<uintptr_t>(pointer_));
   }
 
  private:
@@ -140,6 +177,13 @@ class Event {
   ContextPointer context_;
   EventHandle handle_ = nullptr;
 };
+
+/// Queued copies of whole buffers, and zeros for a whole buffer; sizes are multiples of 4.
+void copy_on_device(const Context& context, const Buffer& to, const Buffer& from,
+                    const Stream& stream);
+void copy_to_host(const Context& context, const PinnedBuffer& to, const Buffer& from,
+                  const Stream& stream);
+void clear(const Context& context, const Buffer& buffer, const Stream& stream);
 
 /// Queues a kernel of one parameter, which is how all kernels here are written: a struct that is
 /// copied at the call.

@@ -37,11 +37,6 @@ struct TraceParameters {
   bool any;
 };
 
-struct PassCounters {
-  unsigned long long rays;
-  unsigned long long rejected;  // samples that were not finite
-};
-
 /// render_pass: adds samples first_sample … + sample_count - 1 of each pixel of the region to the
 /// film.
 struct PassParameters {

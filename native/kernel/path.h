@@ -16,6 +16,18 @@ struct PathResult {
   uint32_t rays;
 };
 
+/// Follows a connection, dimmed by transparent surfaces; whether any of it reaches the environment.
+SKY_HD bool trace_connection(const SceneView& scene, const TracerView& tracer,
+                             Connection* connection, uint32_t* rays) {
+  for (int depth = 0; depth <= kMaxTransparentBounces; ++depth) {
+    ++*rays;
+    const Hit hit = trace_ray(tracer, scene.instances, connection->ray, !scene.has_transparency);
+    if (hit.instance < 0) return true;
+    if (!scene.has_transparency || !pass_through(scene, hit, connection)) return false;
+  }
+  return false;
+}
+
 /// Sample `sample` of pixel (x,y), absolute film coordinates.
 SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
                              const RenderSettings& settings, int x, int y, uint32_t sample) {
@@ -32,10 +44,11 @@ SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
     alive = shade(scene, settings, hit, vertex_random(seed, sample, vertex), &path, connections,
                   &count);
     for (int i = 0; i < count; ++i) {
-      const Hit blocker = trace_ray(tracer, scene.instances, connections[i].ray, true);
-      if (blocker.instance < 0) path.radiance += connection_radiance(scene, connections[i]);
+      if (trace_connection(scene, tracer, &connections[i], &rays)) {
+        path.radiance += connection_radiance(scene, connections[i]);
+      }
     }
-    rays += 1 + count;
+    ++rays;
   }
   return {path.radiance, path.alpha, rays};
 }
@@ -45,6 +58,11 @@ SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
 struct FilmPixel {
   double radiance[3];
   double alpha;
+};
+
+struct PassCounters {
+  unsigned long long rays;
+  unsigned long long rejected;  // samples that were not finite
 };
 
 /// Returns false for a sample that is not finite; it counts as black.

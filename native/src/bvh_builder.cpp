@@ -205,7 +205,7 @@ bool build_top_bvh(const std::vector<InstanceView>& instances,
   Bounds all = empty_bounds();
   for (size_t i = 0; i < instances.size(); ++i) {
     const InstanceView& instance = instances[i];
-    const Bounds& box = mesh_bounds[instance.mesh];
+    const Bounds& box = mesh_bounds[i];
     if (box.lower.x > box.upper.x) continue;
     Bounds bounds = empty_bounds();
     for (int corner = 0; corner < 8; ++corner) {

@@ -30,10 +30,9 @@ struct TopBvh {
 bool build_mesh_bvh(const float* positions, const int32_t* triangles, size_t triangle_count,
                     const std::atomic<bool>& cancel, MeshBvh* tree);
 
-/// Tree over instances; mesh_bounds[m] are the bounds of mesh m in its own space. Instances of
-/// meshes without bounds (lower > upper) are left out. No nodes if nothing is left.
-bool build_top_bvh(const std::vector<InstanceView>& instances,
-                   const std::vector<Bounds>& mesh_bounds, const std::atomic<bool>& cancel,
-                   TopBvh* tree);
+/// Tree over instances; bounds[i] are those of instance i's mesh, in the mesh's own space.
+/// Instances without bounds (lower > upper) are left out. No nodes if nothing is left.
+bool build_top_bvh(const std::vector<InstanceView>& instances, const std::vector<Bounds>& bounds,
+                   const std::atomic<bool>& cancel, TopBvh* tree);
 
 }  // namespace skytree
