@@ -45,7 +45,8 @@ def build_wheel() -> Path:
         print(f"• Left out: the module for Blender 5.1 and later ({left_out('3.13')})", flush=True)
     nvcc = cuda_compiler()
     print(
-        f"• CUDA: {f'kernels by {nvcc}' if nvcc else 'left out, rendering is on the CPU alone'}", flush=True
+        f"• CUDA: {f'kernels by {relative(nvcc)}' if nvcc else 'left out, rendering is on the CPU alone'}",
+        flush=True,
     )
     tags = [f"cp{version.replace('.', '')}-none-{platform_tag()}" for version in pythons]
     name = f"skytree_core-{VERSION}-{'.'.join(tag.split('-')[0] for tag in tags)}-none-{platform_tag()}.whl"
