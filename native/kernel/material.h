@@ -169,6 +169,17 @@ SKY_HD void add_principled(const MaterialTables& tables, const Closure& closure,
   add_diffuse(shading, normal, base * (rest * (1.0f - albedo)));
 }
 
+/// What a material lets straight through.
+SKY_HD Vec3 transparency(const MaterialTables& tables, const MaterialView& material, Vec2 uv) {
+  Vec3 sum = {0, 0, 0};
+  for (int i = 0; i < material.closure_count; ++i) {
+    const Closure& closure = tables.closures[material.first_closure + i];
+    if (closure.type != ClosureType::kTransparent) continue;
+    sum += closure.weight * textured(tables, closure.color, closure.color_texture, uv);
+  }
+  return sum;
+}
+
 /// Lobes, emission and transparency of `material` at a surface seen from `view`; the lobes'
 /// `select` sums to 1.
 SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& material,
@@ -176,7 +187,7 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
                               const Surface& surface, Vec3 view, Shading* shading) {
   shading->count = 0;
   shading->emission = {0, 0, 0};
-  shading->transparency = {0, 0, 0};
+  shading->transparency = transparency(tables, material, surface.uv);
   const Vec3 normal = visible_normal(surface.normal, surface.geometric_normal, view);
   for (int i = 0; i < material.closure_count; ++i) {
     const Closure& closure = tables.closures[material.first_closure + i];
@@ -185,11 +196,7 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
           closure.weight * textured(tables, closure.emission, closure.emission_texture, surface.uv);
       if (closure.type == ClosureType::kEmission) continue;
     }
-    if (closure.type == ClosureType::kTransparent) {
-      shading->transparency +=
-          closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv);
-      continue;
-    }
+    if (closure.type == ClosureType::kTransparent) continue;
     if (closure.type == ClosureType::kDiffuse) {
       add_diffuse(
           shading, normal,

@@ -81,6 +81,19 @@ SKY_HD Vec3 connection_radiance(const SceneView& scene, const Connection& connec
          (1.0f / pdf);
 }
 
+/// A connection that met a surface, in scenes with transparency: what the surface lets through goes
+/// on from there. False when that is nothing.
+SKY_HD bool pass_through(const SceneView& scene, const Hit& hit, Connection* connection) {
+  const Vec3 view = -connection->ray.direction;
+  const InstanceView& instance = scene.instances[hit.instance];
+  const MeshView& mesh = scene.meshes[instance.mesh];
+  const Surface surface = make_surface(mesh, instance, scene.instance_materials, hit, view);
+  if (surface.material < 0) return false;
+  connection->weight *= transparency(scene.tables, scene.materials[surface.material], surface.uv);
+  connection->ray.origin = offset_origin(surface, connection->ray.direction);
+  return max_component(connection->weight) > 0.0f;
+}
+
 /// A path whose ray left the scene.
 SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, PathState* path) {
   const EnvironmentView& environment = scene.environment;

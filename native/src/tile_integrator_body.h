@@ -7,34 +7,41 @@
 namespace skytree {
 namespace SKYTREE_ISA {
 
-/// Packets of 8: gathers rays, traces, scatters.
-static void trace_closest(const IntegratorJob& job, const PathState* paths, const int* active,
-                          int count, bool coherent, Hit* hits) {
+/// Fills a packet from ray_at(first), ...; lanes beyond count repeat the first and are switched
+/// off.
+template <class RayAt>
+static void fill_packet(RTCRay8* packet, int* valid, int first, int count, const RayAt& ray_at) {
+  for (int lane = 0; lane < 8; ++lane) {
+    const bool used = first + lane < count;
+    const Ray& ray = ray_at(used ? first + lane : first);
+    valid[lane] = used ? -1 : 0;
+    packet->org_x[lane] = ray.origin.x;
+    packet->org_y[lane] = ray.origin.y;
+    packet->org_z[lane] = ray.origin.z;
+    packet->dir_x[lane] = ray.direction.x;
+    packet->dir_y[lane] = ray.direction.y;
+    packet->dir_z[lane] = ray.direction.z;
+    packet->tnear[lane] = ray.t_min;
+    packet->tfar[lane] = ray.t_max;
+    packet->time[lane] = 0.0f;
+    packet->mask[lane] = ~0u;
+    packet->id[lane] = 0;
+    packet->flags[lane] = 0;
+  }
+}
+
+/// hits[i] for ray_at(i), i < count.
+template <class RayAt>
+static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hit* hits,
+                          const RayAt& ray_at) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   alignas(32) int valid[8];
   RTCRayHit8 packet;
   for (int first = 0; first < count; first += 8) {
-    for (int lane = 0; lane < 8; ++lane) {
-      const bool used = first + lane < count;
-      valid[lane] = used ? -1 : 0;
-      const Ray& ray = paths[active[used ? first + lane : first]].ray;
-      packet.ray.org_x[lane] = ray.origin.x;
-      packet.ray.org_y[lane] = ray.origin.y;
-      packet.ray.org_z[lane] = ray.origin.z;
-      packet.ray.dir_x[lane] = ray.direction.x;
-      packet.ray.dir_y[lane] = ray.direction.y;
-      packet.ray.dir_z[lane] = ray.direction.z;
-      packet.ray.tnear[lane] = ray.t_min;
-      packet.ray.tfar[lane] = ray.t_max;
-      packet.ray.time[lane] = 0.0f;
-      packet.ray.mask[lane] = ~0u;
-      packet.ray.id[lane] = 0;
-      packet.ray.flags[lane] = 0;
-      packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
-      packet.hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
-    }
+    fill_packet(&packet.ray, valid, first, count, ray_at);
+    for (int lane = 0; lane < 8; ++lane) packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
     job.intersect8(valid, job.tree, &context, &packet);
     for (int lane = 0; lane < 8 && first + lane < count; ++lane) {
       const bool hit = packet.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID;
@@ -45,30 +52,16 @@ static void trace_closest(const IntegratorJob& job, const PathState* paths, cons
   }
 }
 
+/// Whether anything is in the way of connections[i].
 static void trace_any(const IntegratorJob& job, const Connection* connections, int count,
                       bool* occluded) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   alignas(32) int valid[8];
   RTCRay8 packet;
+  auto ray_at = [&](int i) -> const Ray& { return connections[i].ray; };
   for (int first = 0; first < count; first += 8) {
-    for (int lane = 0; lane < 8; ++lane) {
-      const bool used = first + lane < count;
-      valid[lane] = used ? -1 : 0;
-      const Ray& ray = connections[used ? first + lane : first].ray;
-      packet.org_x[lane] = ray.origin.x;
-      packet.org_y[lane] = ray.origin.y;
-      packet.org_z[lane] = ray.origin.z;
-      packet.dir_x[lane] = ray.direction.x;
-      packet.dir_y[lane] = ray.direction.y;
-      packet.dir_z[lane] = ray.direction.z;
-      packet.tnear[lane] = ray.t_min;
-      packet.tfar[lane] = ray.t_max;
-      packet.time[lane] = 0.0f;
-      packet.mask[lane] = ~0u;
-      packet.id[lane] = 0;
-      packet.flags[lane] = 0;
-    }
+    fill_packet(&packet, valid, first, count, ray_at);
     job.occluded8(valid, job.tree, &context, &packet);
     for (int lane = 0; lane < 8 && first + lane < count; ++lane) {
       occluded[first + lane] = packet.tfar[lane] < 0.0f;
@@ -79,13 +72,41 @@ static void trace_any(const IntegratorJob& job, const Connection* connections, i
 struct Batch {
   PathState paths[kTilePixels];
   int active[kTilePixels];  // paths that have a ray to trace
-  Hit hits[kTilePixels];
+  Hit hits[2 * kTilePixels];
   uint32_t seeds[kTilePixels];  // of the active paths, in their order
   VertexRandom random[kTilePixels];
   Connection connections[2 * kTilePixels];
   int connection_path[2 * kTilePixels];
   bool occluded[2 * kTilePixels];
+  int waiting[2 * kTilePixels];  // connections that are still on their way through transparency
 };
+
+/// trace_any where surfaces may be transparent: surface after surface, each dims the connection.
+/// Returns the number of rays.
+static uint64_t trace_through(const IntegratorJob& job, Batch* batch, int count) {
+  uint64_t rays = 0;
+  int waiting = count;
+  for (int i = 0; i < count; ++i) {
+    batch->occluded[i] = true;
+    batch->waiting[i] = i;
+  }
+  for (int depth = 0; waiting > 0 && depth <= kMaxTransparentBounces; ++depth) {
+    trace_closest(job, waiting, false, batch->hits,
+                  [&](int i) -> const Ray& { return batch->connections[batch->waiting[i]].ray; });
+    rays += waiting;
+    int left = 0;
+    for (int i = 0; i < waiting; ++i) {
+      const int connection = batch->waiting[i];
+      if (batch->hits[i].instance < 0) {
+        batch->occluded[connection] = false;
+      } else if (pass_through(job.scene, batch->hits[i], &batch->connections[connection])) {
+        batch->waiting[left++] = connection;
+      }
+    }
+    waiting = left;
+  }
+  return rays;
+}
 
 /// 2 x 4 pixels are neighbours in a packet: the more alike its rays, the cheaper it is.
 static int tile_order(int i) {
@@ -114,7 +135,8 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
   // A path ends by its own rules; the bound only keeps an error in them from hanging a thread.
   const int max_vertices = job.settings.max_bounces + kMaxTransparentBounces + 2;
   for (int vertex = 0; count > 0 && vertex < max_vertices; ++vertex) {
-    trace_closest(job, batch.paths, batch.active, count, coherent, batch.hits);
+    trace_closest(job, count, coherent, batch.hits,
+                  [&](int i) -> const Ray& { return batch.paths[batch.active[i]].ray; });
     rays += count;
     coherent = false;
     for (int i = 0; i < count; ++i) batch.seeds[i] = batch.paths[batch.active[i]].seed;
@@ -129,8 +151,12 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
       if (go_on) batch.active[alive++] = path;
     }
     count = alive;
-    trace_any(job, batch.connections, connection_count, batch.occluded);
-    rays += connection_count;
+    if (job.scene.has_transparency) {
+      rays += trace_through(job, &batch, connection_count);
+    } else {
+      trace_any(job, batch.connections, connection_count, batch.occluded);
+      rays += connection_count;
+    }
     for (int i = 0; i < connection_count; ++i) {
       if (batch.occluded[i]) continue;
       batch.paths[batch.connection_path[i]].radiance +=
