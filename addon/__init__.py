@@ -22,9 +22,9 @@ if "engine" in locals():
     for _name in [name for name in sys.modules if name.startswith(__package__ + ".")]:
         importlib.reload(sys.modules[_name])
 
-from . import engine, panels, presets, properties  # noqa: E402
+from . import engine, floating, panels, presets, properties  # noqa: E402
 
-_MODULES = (properties, presets, engine, panels)
+_MODULES = (properties, presets, engine, panels, floating)
 
 
 def register():

@@ -13,6 +13,8 @@ from bpy.props import (
     PointerProperty,
 )
 
+from . import floating
+
 SAMPLERS = (
     (
         "KDTREE",
@@ -127,6 +129,28 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         precision=2,
         subtype="PIXEL",
         description="Whole width of the pixel filter, in pixels",
+    )
+    floating_preview: BoolProperty(
+        name="Floating Preview",
+        default=False,
+        description="Show Skytree's picture in a corner of the 3D views, whatever they show themselves",
+        update=floating.redraw_all,
+    )
+    floating_corner: EnumProperty(
+        name="Corner",
+        items=floating.CORNERS,
+        default="LOWER_RIGHT",
+        description="Where the floating preview lies",
+        update=floating.redraw_all,
+    )
+    floating_size: FloatProperty(
+        name="Size",
+        default=35.0,
+        min=10.0,
+        max=100.0,
+        subtype="PERCENTAGE",
+        description="Share of the 3D view's width and height that the floating preview takes",
+        update=floating.redraw_all,
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 import traceback
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,9 @@ import numpy as np
 from . import gpu_draw, native, status
 from .sync import SceneSync
 from .viewport_view import View
+
+# Renderers that have not been closed.
+alive: weakref.WeakSet[ViewportRenderer] = weakref.WeakSet()
 
 # The first picture after a change has as many pixels as can be rendered in this time...
 FIRST_PICTURE_SECONDS = 0.02
@@ -96,6 +100,7 @@ class ViewportRenderer:
         self._taken = 0  # samples of the step that `picture` holds
         self._asked = self._uploaded = 0.0
         self._texture: tuple[Picture, object] | None = None
+        alive.add(self)
 
     # What the scene is
 
@@ -126,6 +131,7 @@ class ViewportRenderer:
 
     def close(self):
         """Gives back scene, threads and pictures."""
+        alive.discard(self)
         if self._session is not None:
             self._session.cancel()
         self._session = self.sync = self.picture = self._texture = self._view = self._next = None

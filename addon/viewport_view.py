@@ -105,3 +105,28 @@ def _whole_pixels(border, width: int, height: int):
     x0, y0 = max(round(left), 0), max(round(low), 0)
     x1, y1 = min(round(right), width), min(round(up), height)
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+
+def free_rectangle(area, region) -> tuple[int, int, int, int]:
+    """x, y, width, height of the part of a region that no header, toolbar or sidebar covers."""
+    left, low, right, up = 0, 0, region.width, region.height
+    for other in area.regions:
+        if (
+            other.type not in {"HEADER", "TOOL_HEADER", "ASSET_SHELF", "TOOLS", "UI"}
+            or min(other.width, other.height) <= 1
+        ):
+            continue
+        x, y = other.x - region.x, other.y - region.y
+        overlaps = x < region.width and y < region.height and x + other.width > 0 and y + other.height > 0
+        if not overlaps:
+            continue
+        if other.type in {"TOOLS", "UI"}:
+            if x + other.width / 2 < region.width / 2:
+                left = max(left, x + other.width)
+            else:
+                right = min(right, x)
+        elif y + other.height / 2 < region.height / 2:
+            low = max(low, y + other.height)
+        else:
+            up = min(up, y)
+    return left, low, max(right - left, 1), max(up - low, 1)
