@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -22,10 +21,13 @@ if sys.version_info < (3, 11):  # noqa: UP036 (told before the imports below fai
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / ".ci"))
 from skytree_build import environments
-from skytree_build.environments import blender_module, environment, require_packages
-from skytree_build.packaging import DIST, build_native, build_wheel, megabytes, package
-from skytree_build.steps import BUILD, ROOT, BuildError, relative
+from skytree_build.benchmarks import bench_samplers, run_visibly
+from skytree_build.environments import BLENDERS, blender_module, environment, find_python
+from skytree_build.packaging import DIST, build_wheel, megabytes, package
+from skytree_build.steps import ROOT, BuildError, relative
 from skytree_build.testing import TEST_PARTS, run_tests
+
+RENDER_BENCH = ROOT / "docs" / "bench" / "render_vs_cycles.py"
 
 
 def command_build(_: argparse.Namespace) -> str:
@@ -53,20 +55,24 @@ def command_demo(options: argparse.Namespace) -> str:
     command = [python, ROOT / "docs" / "demo" / "demo.py", "--zip", archive, "--blender-python", blender]
     command += ["--out", out]
     command += ["--hdri", options.hdri.resolve()] if options.hdri else []
-    if subprocess.run([str(part) for part in [*command, *options.further]], cwd=ROOT).returncode:
-        raise BuildError("The demo failed; what it printed above says why.")
+    run_visibly("The demo", [*command, *options.further])
     return f"The demo's pictures and report.json are in {relative(out)}."
 
 
 def command_bench(options: argparse.Namespace) -> str:
-    require_packages("build", "bench")
-    program = build_native("native-test", "skytree_bench", "-DSKYTREE_BENCH=ON")
-    report = BUILD / "reports" / "bench.json"
-    report.parent.mkdir(parents=True, exist_ok=True)
-    command = [program, f"--benchmark_out={report}", "--benchmark_out_format=json", *options.further]
-    if subprocess.run([str(part) for part in command], cwd=ROOT).returncode:
-        raise BuildError("The benchmarks failed; what they printed above says why.")
-    return f"The times are in {relative(report)}."
+    broken = bench_samplers(options.further) if options.only != "renders" else 0
+    if options.only != "samplers":
+        archive = package()
+        for version, python in BLENDERS.items():
+            if find_python(python):
+                blender_module(version)
+        tools = environment("venv", "tools", "3.11")
+        run_visibly("The render benchmark", [tools, RENDER_BENCH, "--zip", archive])
+    if broken:
+        raise BuildError(f"{broken} of the ratios promised above did not hold in this run.")
+    return "The figures are in build/reports" + (
+        "." if options.only == "samplers" else " and docs/benchmarks.md."
+    )
 
 
 def command_figures(_: argparse.Namespace) -> str:
@@ -80,7 +86,7 @@ COMMANDS = {
     "test": (command_test, "run every test, also inside Blender 3.4, 4.5 and 5.2"),
     "build": (command_build, "build the Python package skytree_core"),
     "package": (command_package, "make the zip that Blender installs"),
-    "bench": (command_bench, "run the benchmarks of the samplers"),
+    "bench": (command_bench, "measure the samplers, and renders against Cycles"),
     "figures": (command_figures, "make the paper's figures"),
 }
 
@@ -96,6 +102,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     added["demo"].add_argument(
         "--out", type=Path, default=ROOT / "demo", help="folder for the results (default: demo)"
     )
+    added["bench"].add_argument("--only", choices=("samplers", "renders"), help="leave the other half out")
     added["test"].add_argument("parts", nargs="*", help=f"run these parts only: {', '.join(TEST_PARTS)}")
     options, further = parser.parse_known_args(arguments)
     if further and options.command not in ("demo", "bench"):  # these two hand further options on

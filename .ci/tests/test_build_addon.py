@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from skytree_build import environments, packaging, steps, testing
+from skytree_build import benchmarks, environments, packaging, steps, testing
 from skytree_build.steps import ROOT, BuildError, Finished
 
 
@@ -291,3 +291,29 @@ def test_blenders_own_validation_accepts_the_archive(archive):
         pytest.skip("build/bpy-4.5 is not there")
     finished = subprocess.run([sys.executable, found[0], "validate", archive], capture_output=True, text=True)
     assert finished.returncode == 0, finished.stdout + finished.stderr
+
+
+# --- Benchmarks ---
+
+
+def test_promises_are_held_against_medians():
+    def entries(name, *times):
+        return [{"run_type": "iteration", "run_name": name, "cpu_time": time} for time in times]
+
+    report = {
+        "benchmarks": [
+            *entries("sample/inversion_binary/4096", 90, 100, 900),
+            *entries("sample/kdtree_fitted/4096", 10, 5, 10),
+            *entries("sample/inversion_guided/4096", 29, 29, 29),
+            {"run_type": "aggregate", "run_name": "sample/inversion_guided/4096", "cpu_time": 1e9},
+        ]
+    }
+    times = benchmarks.read_times(report)
+    assert times == {
+        "sample/inversion_binary/4096": 100,
+        "sample/kdtree_fitted/4096": 10,
+        "sample/inversion_guided/4096": 29,
+    }
+    table, broken, missing = benchmarks.promise_table(times)
+    assert (broken, missing) == (1, 2)
+    assert "10.00×   promised ≥ 10×: kept" in table and "2.90×   promised ≥ 3×: NOT KEPT" in table
