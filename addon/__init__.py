@@ -22,9 +22,31 @@ if "engine" in locals():
     for _name in [name for name in sys.modules if name.startswith(__package__ + ".")]:
         importlib.reload(sys.modules[_name])
 
-from . import engine, floating, panels, presets, properties  # noqa: E402
+from . import (  # noqa: E402
+    compare_cli,
+    compare_ops,
+    compare_panel,
+    compare_props,
+    compare_region,
+    engine,
+    floating,
+    panels,
+    presets,
+    properties,
+)
 
-_MODULES = (properties, presets, engine, panels, floating)
+_MODULES = (
+    properties,
+    presets,
+    engine,
+    panels,
+    floating,
+    compare_props,
+    compare_ops,
+    compare_cli,
+    compare_region,
+    compare_panel,
+)
 
 
 def register():

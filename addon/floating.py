@@ -133,11 +133,6 @@ def _on_replaced(*_):
     close_all()
 
 
-def redraw_all(self=None, context=None):
-    for region, _ in viewport_clock.regions():
-        region.tag_redraw()
-
-
 _HANDLERS = (
     ("depsgraph_update_post", _on_update),
     ("frame_change_post", _on_update),

@@ -13,7 +13,7 @@ from bpy.props import (
     PointerProperty,
 )
 
-from . import floating
+from . import floating, viewport_clock
 
 SAMPLERS = (
     (
@@ -134,14 +134,14 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         name="Floating Preview",
         default=False,
         description="Show Skytree's picture in a corner of the 3D views, whatever they show themselves",
-        update=floating.redraw_all,
+        update=viewport_clock.redraw_all,
     )
     floating_corner: EnumProperty(
         name="Corner",
         items=floating.CORNERS,
         default="LOWER_RIGHT",
         description="Where the floating preview lies",
-        update=floating.redraw_all,
+        update=viewport_clock.redraw_all,
     )
     floating_size: FloatProperty(
         name="Size",
@@ -150,7 +150,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         max=100.0,
         subtype="PERCENTAGE",
         description="Share of the 3D view's width and height that the floating preview takes",
-        update=floating.redraw_all,
+        update=viewport_clock.redraw_all,
     )
 
 

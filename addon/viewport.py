@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 import traceback
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +90,7 @@ class ViewportRenderer:
         self.sync: SceneSync | None = None
         self.picture: Picture | None = None
         self.problem = ""
+        self.before_upload: list[Callable[[], None]] = []  # for others that render the same scene
         self.seconds_per_sample = ASSUMED_SECONDS  # and pixel, wall clock
         self._session = None
         self._threads = 0
@@ -128,6 +130,10 @@ class ViewportRenderer:
             self._next = view, settings
             return
         self._begin(view, settings)
+
+    def pause(self):
+        """Renders nothing until the next `look`."""
+        self._begin(None, self._settings)
 
     def close(self):
         """Gives back scene, threads and pictures."""
@@ -225,6 +231,8 @@ class ViewportRenderer:
         return _Reporting(self)
 
     def _before_upload(self):
+        for stop in self.before_upload:
+            stop()
         if self._session is not None:
             self._session.cancel()
         self._stale = True

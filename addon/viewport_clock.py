@@ -46,6 +46,12 @@ def regions():
                         yield region, area
 
 
+def redraw_all(self=None, context=None):
+    """Also the update function of properties that all 3D views show."""
+    for region, _area in regions():
+        region.tag_redraw()
+
+
 def _tick():
     redraw = set()
     for pointer, renderers in list(_watched.items()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import traceback
 
-from . import gpu_draw, viewport_clock
+from . import compare_region, gpu_draw, viewport_clock
 from .viewport import RenderSettings, ViewportRenderer
 from .viewport_view import view_of
 
@@ -35,7 +35,7 @@ class ViewportHooks:
 
     def _draw(self, context, scene):
         renderer, region = self._renderer, context.region
-        if renderer is None:
+        if renderer is None or compare_region.draw(renderer, context):
             return
         renderer.look(
             view_of(region, context.region_data, context.space_data, scene), RenderSettings.of(scene)
@@ -52,6 +52,7 @@ class ViewportHooks:
         renderer = self.__dict__.pop("_renderer", None)
         if renderer is not None:
             viewport_clock.forget(renderer)
+            compare_region.forget(renderer)
             renderer.close()
 
 
