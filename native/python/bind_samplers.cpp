@@ -214,7 +214,7 @@ py::array_t<double> to_array(const Container& values, const Get& get) {
   return array;
 }
 
-py::array_t<int32_t> bounds(const KdTreeSampler& sampler) {
+py::array_t<int32_t> bounds(const KdTree& sampler) {
   py::array_t<int32_t> array({(py::ssize_t)sampler.rects().size(), (py::ssize_t)4});
   int32_t* out = array.mutable_data();
   for (const TexelRect& rect : sampler.rects()) {
