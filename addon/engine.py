@@ -30,7 +30,8 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
 
     def render(self, depsgraph):
-        """Called by Blender once for every view layer; must not raise: the last picture stays if it fails."""
+        """Called by Blender once for every view layer; whatever fails becomes a message."""
+        self._has_result = False
         try:
             self._render(depsgraph)
         except CameraError as error:
@@ -45,6 +46,11 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
                 f"Skytree could not render because of a bug: {type(error).__name__}: {error}. "
                 "The console has the details"
             )
+        if not self._has_result:
+            # Blender crashes when it is to save a picture that no engine has written.
+            film = film_of(depsgraph.scene_eval.render)
+            width, height = film.region_size
+            self._write(np.zeros((height, width, 4), np.float32), film, depsgraph.view_layer.name)
 
     def _fail(self, text: str):
         status.last.messages.error(text)
@@ -103,18 +109,19 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             self.update_progress(done / samples)
             self.update_stats("", f"Skytree: sample {done}/{samples}")
             if not bpy.app.background and done and now - last_update > interval:
-                self._write(session, film, layer)
+                self._write(session.pixels(), film, layer)
                 last_update = time.perf_counter()
                 interval = max(FIRST_UPDATE_SECONDS, UPDATE_SHARE * (last_update - started))
         if session.error is None and session.samples_done:
-            self._write(session, film, layer)
+            self._write(session.pixels(), film, layer)
             self.update_progress(session.samples_done / samples)
 
-    def _write(self, session, film: Film, layer: str):
+    def _write(self, pixels: np.ndarray, film: Film, layer: str):
         width, height = film.region_size
         result = self.begin_result(0, 0, width, height, layer=layer)
-        set_pass(result.layers[0].passes["Combined"], session.pixels())
+        set_pass(result.layers[0].passes["Combined"], pixels)
         self.end_result(result)
+        self._has_result = True
 
     def _explain_device(self, settings, messages: Messages):
         if settings.device == "CUDA":

@@ -1,0 +1,423 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The renderer behind the 3D views, without a window: what is sent again, what is built, what is given
+back."""
+
+import gc
+import math
+import resource
+import time
+import weakref
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import scenes
+from scenes import part
+
+WIDTH, HEIGHT = 96, 64
+
+
+@pytest.fixture
+def viewport(skytree, scene):
+    """(scene, renderer that has synced and looks through the camera)."""
+    scenes.test_scene_objects(scene)
+    scenes.set_map(scene, scenes.bundled())
+    scene.skytree.preview_samples = 4
+    renderer = part(skytree, "viewport").ViewportRenderer()
+    update(renderer)
+    look(skytree, renderer)
+    finish(renderer)
+    yield scene, renderer
+    renderer.close()
+
+
+def update(renderer):
+    """What Blender does after a change: evaluates, and hands the depsgraph over with its updates."""
+    bpy.context.view_layer.update()
+    renderer.update(bpy.context.evaluated_depsgraph_get())
+
+
+class Updates:
+    """Hands each evaluated depsgraph to a renderer while its updates can still be read, as in a 3D view."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+
+    def __enter__(self):
+        bpy.app.handlers.depsgraph_update_post.append(self._on_update)
+        bpy.context.view_layer.update()
+        return self
+
+    def __exit__(self, *error):
+        bpy.context.view_layer.update()
+        bpy.app.handlers.depsgraph_update_post.remove(self._on_update)
+
+    def _on_update(self, scene, depsgraph):
+        self.renderer.update(depsgraph)
+
+    def now(self):
+        bpy.context.view_layer.update()
+
+
+def view_through_camera(skytree, width=WIDTH, height=HEIGHT, border=None):
+    camera = bpy.context.scene.camera
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    projection = camera.calc_matrix_camera(depsgraph, x=width, y=height)
+    module = part(skytree, "viewport_view")
+    flat = [tuple(v for row in m for v in row) for m in (camera.matrix_world, projection)]
+    return module.View(*flat, width, height, border)
+
+
+def look(skytree, renderer, view=None, **settings):
+    module = part(skytree, "viewport")
+    chosen = module.RenderSettings.of(bpy.context.scene)
+    renderer.look(view or view_through_camera(skytree), chosen)
+
+
+def finish(renderer, seconds=60.0):
+    end = time.perf_counter() + seconds
+    while renderer.busy and not renderer.problem:
+        renderer.advance()
+        assert time.perf_counter() < end, "the renderer does not come to an end"
+        time.sleep(0.001)
+    assert renderer.problem == ""
+
+
+def uploads(renderer):
+    """How often each kind of thing was uploaded since the last call."""
+    now = dict(renderer.sync.counts)
+    before = getattr(renderer, "counted_before", {})
+    renderer.counted_before = now
+    return {key: now[key] - before.get(key, 0) for key in now if now[key] != before.get(key, 0)}
+
+
+def builds(skytree) -> int:
+    return part(skytree, "environments").environments.builds
+
+
+def test_refines_to_preview_samples(skytree, viewport):
+    scene, renderer = viewport
+    assert renderer.samples_done == 4 and not renderer.running
+    assert renderer.pixels().shape == (HEIGHT, WIDTH, 4)
+    scene.skytree.preview_samples = 9
+    look(skytree, renderer)
+    finish(renderer)
+    assert renderer.samples_done == 9
+
+
+def test_same_picture_as_a_final_render(skytree, viewport):
+    scene, renderer = viewport
+    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
+    final = scenes.render_skytree(scene, samples=4)
+    np.testing.assert_allclose(renderer.pixels(), final, rtol=1e-5, atol=1e-6)
+
+
+def test_first_picture_is_coarse(skytree, viewport):
+    scene, renderer = viewport
+    renderer.seconds_per_sample = 1.0  # a very slow machine
+    seen = []
+    look(skytree, renderer, view_through_camera(skytree, 640, 480))
+    while renderer.busy:
+        if renderer.advance():
+            seen.append((renderer.picture.divisor, renderer.pixels().shape[:2]))
+            renderer.seconds_per_sample = 1.0
+    divisors = [divisor for divisor, _ in seen]
+    assert divisors == sorted(divisors, reverse=True) and divisors[0] == 8 and divisors[-1] == 1
+    assert seen[0] == (8, (60, 80)) and seen[-1] == (1, (480, 640))
+
+
+def test_moving_an_object_sends_its_transform_alone(skytree, viewport):
+    scene, renderer = viewport
+    before = renderer.pixels().copy()
+    with Updates(renderer) as updates:
+        uploads(renderer)
+        meshes = renderer.sync.scene.stats["meshes_built"]
+        bpy.data.objects["Sphere"].location.x += 0.5
+        updates.now()
+        assert uploads(renderer) == {"transforms": 1}
+    finish(renderer)
+    assert renderer.sync.scene.stats["meshes_built"] == meshes
+    assert np.abs(renderer.pixels() - before).max() > 0.05
+
+
+def test_world_rotation_and_strength_build_nothing(skytree, viewport):
+    scene, renderer = viewport
+    nodes = scene.world.node_tree.nodes
+    mapping = next(n for n in nodes if n.type == "MAPPING")
+    background = next(n for n in nodes if n.type == "BACKGROUND")
+    with Updates(renderer) as updates:
+        uploads(renderer)
+        before = builds(skytree)
+        for step in range(5):
+            mapping.inputs["Rotation"].default_value[2] = 0.1 * step + 0.05
+            updates.now()
+            background.inputs["Strength"].default_value = 1.0 + 0.1 * step
+            updates.now()
+            finish(renderer)
+        sent = uploads(renderer)
+    assert builds(skytree) == before
+    assert set(sent) == {"environments"} and sent["environments"] >= 5
+
+
+def test_nothing_is_restarted_for_what_is_not_seen(skytree, viewport):
+    scene, renderer = viewport
+    picture = renderer.picture
+    with Updates(renderer) as updates:
+        bpy.data.objects["Sphere"].select_set(True)
+        scene.skytree.samples = 77
+        scene.frame_end = 33
+        updates.now()
+    look(skytree, renderer)
+    assert not renderer.busy and renderer.picture is picture
+
+
+@pytest.mark.parametrize("sampler", ["INVERSION", "ALIAS", "UNIFORM"])
+def test_sampler_is_built_on_a_thread(skytree, viewport, sampler):
+    scene, renderer = viewport
+    old = renderer.sync.built
+    with Updates(renderer) as updates:
+        scene.skytree.sampler = sampler
+        updates.now()
+        assert renderer.sync.built is old or renderer.sync.built.settings.sampler == sampler
+        finish(renderer)
+    assert renderer.sync.built.settings.sampler == sampler
+
+
+def test_block_count_follows_the_last_value(skytree, viewport):
+    scene, renderer = viewport
+    with Updates(renderer) as updates:
+        for count in (16, 64, 77, 300):
+            scene.skytree.block_count = count
+            updates.now()
+        finish(renderer)
+    assert renderer.sync.built.sampler.block_count == 300
+
+
+def test_every_setting_shows_a_new_picture(skytree, viewport):
+    scene, renderer = viewport
+    changes = {
+        "max_bounces": 1,
+        "seed": 3,
+        "pixel_filter": "BOX",
+        "filter_width": 3.0,
+        "sampler": "INVERSION",
+        "preview_samples": 6,
+    }
+    with Updates(renderer) as updates:
+        for name, value in changes.items():
+            picture = renderer.picture
+            setattr(scene.skytree, name, value)
+            updates.now()
+            look(skytree, renderer)
+            finish(renderer)
+            assert renderer.picture is not picture, name
+            assert not np.array_equal(renderer.pixels(), picture.pixels), name
+
+
+def test_film_transparent(skytree, viewport):
+    scene, renderer = viewport
+    assert (renderer.pixels()[..., 3] > 0.999).all()
+    scene.render.film_transparent = True
+    look(skytree, renderer)
+    finish(renderer)
+    alpha = renderer.pixels()[..., 3]
+    assert alpha[-1].max() == 0.0 and alpha[0].min() > 0.999
+
+
+def test_border_renders_those_pixels_alone(skytree, viewport):
+    _, renderer = viewport
+    whole = renderer.pixels().copy()
+    look(skytree, renderer, view_through_camera(skytree, border=(10, 20, 50, 60)))
+    finish(renderer)
+    np.testing.assert_array_equal(renderer.pixels(), whole[20:60, 10:50])
+
+
+def test_moving_view_always_gets_pictures(skytree, viewport):
+    """Views that change faster than a picture is made must not starve it."""
+    scene, renderer = viewport
+    shown, picture = 0, renderer.picture
+    for i in range(60):
+        scene.camera.rotation_euler.z = 0.01 * i
+        bpy.context.view_layer.update()
+        look(skytree, renderer, view_through_camera(skytree, 800, 600))
+        renderer.wait_for_picture()
+        if renderer.picture is not picture:
+            shown, picture = shown + 1, renderer.picture
+    assert shown > 10
+    finish(renderer)
+    assert renderer.picture.view == view_through_camera(skytree, 800, 600)
+
+
+def test_failed_session_is_a_message(skytree, viewport):
+    """A render thread that fails leaves a message and the last picture; the next change starts again."""
+    _, renderer = viewport
+
+    class Broken:
+        running, error, samples_done, stats = False, "out of luck", 0, {}
+
+        def cancel(self):
+            pass
+
+        def start(self, *arguments, **options):
+            pass
+
+    session, renderer._session = renderer._session, Broken()
+    picture = renderer.picture
+    look(skytree, renderer, view_through_camera(skytree, 50, 40))
+    for _ in range(3):
+        renderer.advance()
+    assert "out of luck" in renderer.problem and "out of luck" in renderer.status_line()
+    assert renderer.picture is picture and not renderer.busy
+    renderer._session = session
+    look(skytree, renderer)
+    finish(renderer)
+    assert renderer.problem == ""
+
+
+def test_native_error_is_a_message(skytree, viewport):
+    _, renderer = viewport
+    singular = part(skytree, "viewport_view").View((0.0,) * 16, (0.0,) * 16, 20, 20)
+    look(skytree, renderer, singular)
+    for _ in range(50):
+        renderer.advance()
+        time.sleep(0.002)
+    assert renderer.problem and not renderer.busy
+    look(skytree, renderer)
+    finish(renderer)
+
+
+def test_closing_gives_everything_back(skytree, viewport):
+    scene, renderer = viewport
+    native_scene = weakref.ref(renderer.sync)
+    session = renderer.session
+    look(skytree, renderer, view_through_camera(skytree, 1200, 900))
+    renderer.close()
+    gc.collect()
+    assert native_scene() is None and not session.running
+    assert renderer not in part(skytree, "viewport").alive
+    assert not renderer.busy and renderer.advance() is False
+
+
+def resident_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize()
+
+
+def test_500_updates_leak_nothing(skytree, viewport):
+    scene, renderer = viewport
+    ob = bpy.data.objects["Sphere"]
+    mapping = next(n for n in scene.world.node_tree.nodes if n.type == "MAPPING")
+    material = bpy.data.materials["Clay"]
+    shader = scenes.shader_node(material)
+
+    def change(i):
+        ob.location.x = math.sin(i)
+        if i % 5 == 0:
+            mapping.inputs["Rotation"].default_value[2] = 0.01 * i
+        if i % 7 == 0:
+            scenes.set_input(shader, "Color", (0.5 + 0.001 * (i % 500), 0.4, 0.2))
+        if i % 11 == 0:
+            ob.data.vertices[0].co.z += 0.001
+            ob.data.update()
+        if i % 50 == 0:
+            scene.skytree.block_count = 100 + i
+        updates.now()
+        look(skytree, renderer, view_through_camera(skytree, WIDTH + i % 3, HEIGHT))
+        renderer.wait_for_picture()
+
+    with Updates(renderer) as updates:
+        for i in range(100):
+            change(i)
+        gc.collect()
+        before = resident_bytes()
+        native = renderer.sync.scene.stats["nbytes"]
+        for i in range(100, 600):
+            change(i)
+        finish(renderer)
+        gc.collect()
+    grown = resident_bytes() - before
+    print(f"500 updates: {grown / 1e6:.2f} MB more")
+    assert renderer.sync.scene.stats["nbytes"] == native
+    # A leaked picture, map or mesh each time would be at least 500 x 70 KB.
+    assert grown < 16e6
+
+
+def test_main_thread_stays_responsive(skytree, scene):
+    """Prints how long calls of the main thread take with a million triangles and a 4096 x 2048 map."""
+    plane = scenes.plane(scene, 4.0, material=scenes.material("ShaderNodeBsdfDiffuse", "Grey"))
+    grid = bpy.data.meshes.new("Grid")
+    grid.from_pydata([], [], [])
+    n = 708
+    xy = np.linspace(-2.0, 2.0, n, dtype=np.float32)
+    co = np.stack((*np.meshgrid(xy, xy), np.zeros((n, n), np.float32)), axis=-1).reshape(-1, 3)
+    co[:, 2] = 0.2 * np.sin(9 * co[:, 0]) * np.sin(9 * co[:, 1])
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).reshape(-1)
+    quads = np.stack((i, i + 1, i + n + 1, i + n), axis=-1).astype(np.int32)
+    grid.vertices.add(len(co))
+    grid.vertices.foreach_set("co", co.ravel())
+    grid.loops.add(quads.size)
+    grid.loops.foreach_set("vertex_index", quads.ravel())
+    grid.polygons.add(len(quads))
+    grid.polygons.foreach_set("loop_start", np.arange(0, quads.size, 4, dtype=np.int32))
+    if bpy.app.version < (4, 1, 0):
+        grid.polygons.foreach_set("loop_total", np.full(len(quads), 4, np.int32))
+    grid.update(calc_edges=True)
+    plane.data = grid
+    image = bpy.data.images.new("big", 4096, 2048, float_buffer=True, alpha=False)
+    pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
+    image.pixels.foreach_set(pixels.ravel())
+    _, mapping = scenes.set_map(scene, image)
+    scene.skytree.preview_samples = 64
+
+    module = part(skytree, "viewport")
+    renderer = module.ViewportRenderer()
+    calls: dict[str, list[float]] = {}
+
+    def timed(name, function, *arguments):
+        # Processor time of this thread, and what it waited: other programs do not count.
+        start, wall = time.thread_time(), time.perf_counter()
+        function(*arguments)
+        calls.setdefault(name, []).append(1000 * max(time.thread_time() - start, 0.0))
+        calls.setdefault(name + " (clock)", []).append(1000 * (time.perf_counter() - wall))
+
+    bpy.context.view_layer.update()
+    try:
+        timed("first sync", renderer.update, bpy.context.evaluated_depsgraph_get())
+        look(skytree, renderer, view_through_camera(skytree, 640, 480))
+        finish(renderer)
+
+        def on_update(_, depsgraph):
+            timed("update", renderer.update, depsgraph)
+
+        bpy.context.view_layer.update()
+        bpy.app.handlers.depsgraph_update_post.append(on_update)
+        try:
+            for step in range(12):
+                plane.location.x = 0.01 * step
+                mapping.inputs["Rotation"].default_value[2] = 0.02 * step
+                if step % 4 == 0:
+                    scene.skytree.block_count = 500 + step
+                bpy.context.view_layer.update()
+                asked = time.perf_counter()
+                old = renderer.sync.built
+                view = view_through_camera(skytree, 640 + step, 480)
+                timed("look", renderer.look, view, module.RenderSettings.of(scene))
+                timed("wait", renderer.wait_for_picture)
+                picture = renderer.picture
+                while renderer.busy and (renderer.picture is picture or renderer.sync.awaits_sampler):
+                    timed("advance", renderer.advance)
+                    time.sleep(0.002)
+                if renderer.sync.built is not old:
+                    calls.setdefault("new sampler to new picture (clock)", []).append(
+                        1000 * (time.perf_counter() - asked)
+                    )
+        finally:
+            bpy.app.handlers.depsgraph_update_post.remove(on_update)
+        assert renderer.problem == ""
+    finally:
+        renderer.close()
+    for name, milliseconds in calls.items():
+        print(f"{name}: {len(milliseconds)} calls, median {np.median(milliseconds):.1f} ms, "
+              f"longest {max(milliseconds):.1f} ms")  # fmt: skip

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The comparison in a real window; see driver.py."""
+
+import bpy
+import numpy as np
+import scenes
+from mathutils import Quaternion
+
+SAMPLES = 16
+
+
+def set_up(w):
+    """The test scene under a bundled HDRI in Rendered shading: A is a kd-tree, B samples uniformly."""
+    scene = scenes.new_scene()
+    scene.skytree.max_bounces = 0
+    scene.skytree.preview_samples = 4
+    scenes.test_scene_objects(scene)
+    scenes.set_map(scene, scenes.bundled("city"))
+    view = w.space.region_3d
+    view.view_perspective = "PERSP"
+    view.view_location = (0.0, 0.0, 0.8)
+    view.view_rotation = Quaternion((0.82, 0.57, 0.0, 0.0)).normalized()
+    view.view_distance = 8.0
+    w.space.overlay.show_overlays = False
+    w.space.show_region_ui = w.space.show_region_toolbar = False
+    compared = scene.skytree_compare
+    compared.a.method, compared.b.method = "KDTREE", "UNIFORM"
+    compared.samples = SAMPLES
+    w.shade("RENDERED")
+    return scene, compared
+
+
+def view_in(w):
+    return w.part("compare_region").view_in(w.region)
+
+
+def until_compared(w):
+    """Yields until both sides have all their samples."""
+    yield from w.until(lambda: view_in(w) is not None, what="a comparison")
+    yield 0.1
+    yield from w.until(lambda: not view_in(w).busy, what="both sides")
+    yield 0.3
+
+
+def noise(pixels: np.ndarray) -> float:
+    """Mean difference of neighbours along a row."""
+    return float(np.abs(np.diff(pixels, axis=1)).mean())
+
+
+def scenario_split(w):
+    """Kd-tree on the left of the line, uniform sampling on the right, with equal samples."""
+    _, compared = set_up(w)
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    view = view_in(w)
+    assert view.problem == ""
+    assert [view.sides[name].picture.samples for name in "ab"] == [SAMPLES, SAMPLES]
+    shown = w.view_of(w.shot("split"))
+    half = shown.shape[1] // 2
+    lower = slice(0, shown.shape[0] // 2)  # the ground: no edges of objects, no labels
+    assert noise(shown[lower, half + 10 :]) > 2.0 * noise(shown[lower, : half - 10])
+    line = shown[60 : shown.shape[0] // 3, half - 1 : half + 1]
+    assert line.min() > 0.6, "there is no white line"
+
+
+def scenario_drag(w):
+    """The line follows the mouse that drags it; elsewhere a click does not move it."""
+    _, compared = set_up(w)
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    yield from w.drag("LEFTMOUSE", (0.5, 0.4), (0.25, 0.4))
+    yield from until_compared(w)
+    assert abs(compared.split - 0.25) < 0.02, f"the line stands at {compared.split}"
+    w.shot("dragged")
+    yield from w.drag("LEFTMOUSE", (0.7, 0.4), (0.6, 0.4))
+    assert abs(compared.split - 0.25) < 0.02, f"a click elsewhere moved the line to {compared.split}"
+
+
+def scenario_reference_and_figures(w):
+    """A captured reference brings figures and a plot; the better sampler has the smaller error."""
+    _, compared = set_up(w)
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    with w.override():
+        assert bpy.ops.skytree.capture_reference(samples=256) == {"FINISHED"}
+    view = view_in(w)
+    assert view.capture is not None
+    yield from w.until(lambda: view.reference is not None, what="the reference")
+    yield from until_compared(w)
+    errors = {name: view.sides[name].steps[-1].errors["nrmse_tc"] for name in "ab"}
+    assert errors["a"] < 0.5 * errors["b"], errors
+    assert [view.sides[name].steps[-1].samples for name in "ab"] == [SAMPLES, SAMPLES]
+    w.shot("reference")
+
+    w.space.region_3d.view_distance = 7.0
+    yield from until_compared(w)
+    assert view.reference_is_stale
+    w.shot("stale_reference")
+    w.space.region_3d.view_distance = 8.0
+    yield from until_compared(w)
+    assert not view.reference_is_stale
+
+
+def scenario_captured_reference_as_side(w):
+    """B is the captured reference; Difference to it is what A gets wrong."""
+    _, compared = set_up(w)
+    compared.b.method = "REFERENCE"
+    compared.mode = "DIFFERENCE"
+    yield from until_compared(w)
+    with w.override():
+        bpy.ops.skytree.capture_reference(samples=128)
+    yield from w.until(lambda: view_in(w).reference is not None, what="the reference")
+    yield from until_compared(w)
+    b = view_in(w).sides["b"]
+    assert b.picture.samples == 128
+    assert np.array_equal(b.picture.pixels[..., :3], view_in(w).reference.image)
+    w.shot("difference_to_reference")
+
+
+def scenario_cancel_reference(w):
+    """Cancelling a capture leaves no reference and goes on with the two sides."""
+    _, compared = set_up(w)
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    with w.override():
+        bpy.ops.skytree.capture_reference(samples=1 << 20)
+    yield 0.3
+    assert w.part("compare_region").capture_fraction() is not None
+    w.shot("capturing")
+    with w.override():
+        assert bpy.ops.skytree.cancel_reference() == {"FINISHED"}
+    yield from until_compared(w)
+    assert view_in(w).captured is None
+    assert view_in(w).sides["a"].picture.samples == SAMPLES
+
+
+def scenario_other_modes(w):
+    """Side by side shows the middle twice, difference is dark where both agree, flip shows one at a time."""
+    _, compared = set_up(w)
+    compared.show_figures = False
+    compared.mode = "SIDE"
+    yield from until_compared(w)
+    shown = w.view_of(w.shot("side_by_side"))
+    height, width = shown.shape[:2]
+    left, right = shown[: height // 2, : width // 2], shown[: height // 2, width - width // 2 :]
+    # A grid of cells: averages hide the noise, which is what the two halves differ in.
+    cells = [
+        half[: height // 2 // 40 * 40, : width // 2 // 40 * 40]
+        .reshape(height // 2 // 40, 40, -1, 40, 3)
+        .mean(axis=(1, 3))
+        for half in (left, right)
+    ]
+    assert np.corrcoef(cells[0].ravel(), cells[1].ravel())[0, 1] > 0.9
+
+    compared.mode = "DIFFERENCE"
+    yield from until_compared(w)
+    different = w.view_of(w.shot("difference"))
+    compared.b.method = "KDTREE"
+    yield from until_compared(w)
+    same = w.view_of(w.shot("no_difference"))
+    lower = slice(60, different.shape[0] // 2)
+    assert same[lower].max() < 0.02, "equal methods with equal seeds differ"
+    assert different[lower].mean() > 0.05
+
+    compared.b.method = "UNIFORM"
+    compared.mode = "FLIP"
+    yield from until_compared(w)
+    a = w.view_of(w.shot("flip_a"))
+    w.key("J")
+    yield 0.3
+    assert compared.show_b
+    b = w.view_of(w.shot("flip_b"))
+    assert noise(b[lower]) > 2.0 * noise(a[lower])
+
+
+def scenario_equal_time(w):
+    """Under Equal Time both sides stop after the same time, whatever they have reached."""
+    _, compared = set_up(w)
+    compared.clock, compared.seconds = "TIME", 0.8
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    sides = [view_in(w).sides[name] for name in "ab"]
+    assert all(side.finished and side.picture.samples > 0 for side in sides)
+    for side in sides:
+        w.figure(f"equal time, {side.method.label}, samples", side.picture.samples)
+        w.figure(f"equal time, {side.method.label}, seconds", side.seconds)
+    # Both were told to stop in the same tick; how long a machine takes to obey is not judged here.
+    assert all(side.seconds >= 0.8 for side in sides)
+    w.shot("equal_time")
+
+
+def scenario_settings(w):
+    """Every method and setting shows a picture; orbiting and editing the scene restart both sides."""
+    scene, compared = set_up(w)
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    for method in ("SCENE", "KDTREE", "INVERSION", "ALIAS", "UNIFORM", "BSDF"):
+        compared.a.method = method
+        yield from until_compared(w)
+        assert view_in(w).problem == ""
+        assert view_in(w).sides["a"].picture.samples == SAMPLES, method
+    compared.a.method = "KDTREE"
+    builds = w.part("environments").environments.builds
+    for count in (16, 64):
+        compared.a.block_count = count
+        yield from until_compared(w)
+        assert view_in(w).sides["a"].sampler.result().sampler.block_count == count
+    assert w.part("environments").environments.builds == builds + 2
+
+    before = view_in(w).sides["a"].picture.pixels.copy()
+    bpy.data.objects["Sphere"].location.z += 1.0
+    yield 0.2
+    yield from until_compared(w)
+    assert not np.array_equal(view_in(w).sides["a"].picture.pixels, before)
+    yield from w.drag("MIDDLEMOUSE", (0.4, 0.4), (0.6, 0.5))
+    yield from until_compared(w)
+    assert view_in(w).sides["a"].picture.view == view_in(w).request.view
+    compared.mode = "OFF"
+    yield 0.3
+    assert view_in(w) is None
+    yield from w.until_still()
+    assert w.renderers()[0].samples_done == scene.skytree.preview_samples
+
+
+def scenario_close(w):
+    """Leaving Rendered shading, loading another file: comparisons and their threads go."""
+    _, compared = set_up(w)
+    compared.mode = "SPLIT"
+    yield from until_compared(w)
+    w.shade("SOLID")
+    yield 0.5
+    assert view_in(w) is None
+    w.shade("RENDERED")
+    yield from until_compared(w)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    yield 0.5
+    assert not w.part("compare_region")._views
