@@ -44,7 +44,8 @@ void check_options(const RenderOptions& o) {
 
 }  // namespace
 
-RenderSession::RenderSession(int threads) {
+RenderSession::RenderSession(int threads, std::unique_ptr<DeviceRenderer> device)
+    : device_(std::move(device)) {
   if (threads < 0 || threads > 1024) throw std::invalid_argument("threads must lie in 0..1024");
   const int count = threads ? threads : std::max(1, int(std::thread::hardware_concurrency()));
   render_tile_ = select_render_tile();
@@ -81,7 +82,9 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
   const int threads = stats_.threads;
   stats_ = {};
   stats_.threads = threads;
+  stats_.device = "CPU";
   error_.clear();
+  warning_.clear();
   cancel_ = false;
   samples_done_ = 0;
   next_item_ = 0;
@@ -89,22 +92,42 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
   first_tile_y_ = options.y0 / kTileSize;
   tiles_x_ = (options.x1 + kTileSize - 1) / kTileSize - first_tile_x_;
   tiles_y_ = (options.y1 + kTileSize - 1) / kTileSize - first_tile_y_;
-  passes_.clear();
-  // 1, 1, 2, 4, ...: the first picture soon, and always whole powers of two done.
-  for (int done = 0; done < options.samples;) {
-    const int count = std::min({std::max(done, 1), kMaxPassSamples, options.samples - done});
-    passes_.push_back({options.first_sample + done, count});
-    done += count;
-  }
-  const int tiles = tiles_x_ * tiles_y_;
-  tile_passes_.reset(new std::atomic<int>[tiles]());
-  pass_tiles_.reset(new std::atomic<int>[passes_.size()]());
+  plan_passes(0);
   film_.assign(size_t(region_width()) * region_height(), Pixel());
   ready_ = false;
   running_ = true;
   busy_ = int(threads_.size());
   ++generation_;
   wake_.notify_all();
+}
+
+/// The passes that are left once `done` samples are rendered.
+void RenderSession::plan_passes(int done) {
+  passes_.clear();
+  // 1, 1, 2, 4, ...: the first picture soon, and always whole powers of two done.
+  while (done < options_.samples) {
+    const int count = std::min({std::max(done, 1), kMaxPassSamples, options_.samples - done});
+    passes_.push_back({options_.first_sample + done, count});
+    done += count;
+  }
+  tile_passes_.reset(new std::atomic<int>[tiles_x_ * tiles_y_]());
+  pass_tiles_.reset(new std::atomic<int>[passes_.size()]());
+}
+
+/// Calls visit(first pixel, count) for each row of pixels in each tile, the tile's lock held.
+template <class Visit>
+void RenderSession::for_each_tile_row(Visit visit) const {
+  const int width = region_width(), height = region_height();
+  for (int tile = 0; tile < tiles_x_ * tiles_y_; ++tile) {
+    const int left = std::max(0, (first_tile_x_ + tile % tiles_x_) * kTileSize - options_.x0);
+    const int right = (first_tile_x_ + tile % tiles_x_ + 1) * kTileSize - options_.x0;
+    const int low = std::max(0, (first_tile_y_ + tile / tiles_x_) * kTileSize - options_.y0);
+    const int high = (first_tile_y_ + tile / tiles_x_ + 1) * kTileSize - options_.y0;
+    std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
+    for (int y = low; y < std::min(high, height); ++y) {
+      visit(size_t(y) * width + left, size_t(std::min(right, width) - left));
+    }
+  }
 }
 
 bool RenderSession::wait(double seconds) {
@@ -124,6 +147,11 @@ void RenderSession::cancel() {
 std::string RenderSession::error() const {
   std::lock_guard<std::mutex> lock(mutex_);
   return error_;
+}
+
+std::string RenderSession::warning() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return warning_;
 }
 
 SessionStats RenderSession::stats() const {
@@ -175,9 +203,18 @@ void RenderSession::worker(int index) {
 
 void RenderSession::lead() {
   const double started = now();
-  const bool built = scene_->commit(cancel_);
+  // A device has trees of its own: Embree's are only built if the CPU has to take over.
+  bool built = scene_->commit(cancel_, !device_);
+  double commit_seconds = now() - started;
+  job_.settings = {options_.seed,          options_.max_bounces, options_.film_transparent,
+                   options_.bsdf_sampling, filter_table_.data(), options_.light_sampling};
+  if (built && device_ && !render_on_device()) {
+    const double again = now();
+    built = scene_->commit(cancel_);
+    commit_seconds += now() - again;
+  }
   std::lock_guard<std::mutex> lock(mutex_);
-  stats_.commit_seconds = now() - started;
+  stats_.commit_seconds = commit_seconds;
   if (!built) return;
   job_.scene = scene_->view(options_.width, options_.height);
   job_.tree = scene_->tree();
@@ -185,11 +222,57 @@ void RenderSession::lead() {
   job_.occluded8 = embree().Occluded8;
   job_.width = options_.width;
   job_.height = options_.height;
-  job_.settings = {options_.seed,          options_.max_bounces, options_.film_transparent,
-                   options_.bsdf_sampling, filter_table_.data(), options_.light_sampling};
   if (options_.sampler) job_.scene.environment.sampler = options_.sampler->view();
   ready_ = true;
   wake_.notify_all();
+}
+
+/// False if the threads have to finish the frame.
+bool RenderSession::render_on_device() {
+  DeviceJob job;
+  job.scene = scene_->parts(options_.width, options_.height);
+  job.sampler = options_.sampler ? options_.sampler : job.scene.sampler;
+  job.settings = job_.settings;
+  job.x0 = options_.x0;
+  job.y0 = options_.y0;
+  job.width = region_width();
+  job.height = region_height();
+  job.first_sample = options_.first_sample;
+  job.samples = options_.samples;
+  std::string failure;
+  try {
+    device_->render(job, cancel_,
+                    [this](const FilmPixel* film, int done, const PassCounters& counters) {
+                      take_device_film(film, done, counters);
+                    });
+  } catch (const std::exception& error) {
+    failure = error.what();
+  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  stats_.device = device_->name();
+  if (failure.empty()) {
+    passes_.clear();
+    return true;
+  }
+  warning_ = failure + " The CPU finishes the frame.";
+  stats_.device += " + CPU";
+  plan_passes(samples_done_);
+  return false;
+}
+
+void RenderSession::take_device_film(const FilmPixel* film, int samples_done,
+                                     const PassCounters& counters) {
+  for_each_tile_row([&](size_t first, size_t count) {
+    for (size_t i = first; i < first + count; ++i) {
+      const FilmPixel& sum = film[i];
+      film_[i] = {
+          {sum.radiance[0], sum.radiance[1], sum.radiance[2]}, sum.alpha, uint32_t(samples_done)};
+    }
+  });
+  samples_done_ = samples_done;
+  std::lock_guard<std::mutex> lock(mutex_);
+  stats_.rays += counters.rays;
+  stats_.rejected_samples += counters.rejected;
 }
 
 void RenderSession::render_tiles() {
@@ -266,21 +349,15 @@ void RenderSession::accumulate(const TileSample& sample, int tile_x, int tile_y)
 }
 
 void RenderSession::pixels(float* out) const {
-  const int width = region_width(), height = region_height();
-  for (int tile = 0; tile < tiles_x_ * tiles_y_; ++tile) {
-    const int left = (first_tile_x_ + tile % tiles_x_) * kTileSize - options_.x0;
-    const int low = (first_tile_y_ + tile / tiles_x_) * kTileSize - options_.y0;
-    std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
-    for (int y = std::max(low, 0); y < std::min(low + kTileSize, height); ++y) {
-      for (int x = std::max(left, 0); x < std::min(left + kTileSize, width); ++x) {
-        const Pixel& pixel = film_[size_t(y) * width + x];
-        float* rgba = out + 4 * (size_t(y) * width + x);
-        const double scale = pixel.count ? 1.0 / pixel.count : 0.0;
-        for (int k = 0; k < 3; ++k) rgba[k] = float(pixel.radiance[k] * scale);
-        rgba[3] = float(pixel.alpha * scale);
-      }
+  for_each_tile_row([&](size_t first, size_t count) {
+    for (size_t i = first; i < first + count; ++i) {
+      const Pixel& pixel = film_[i];
+      float* rgba = out + 4 * i;
+      const double scale = pixel.count ? 1.0 / pixel.count : 0.0;
+      for (int k = 0; k < 3; ++k) rgba[k] = float(pixel.radiance[k] * scale);
+      rgba[3] = float(pixel.alpha * scale);
     }
-  }
+  });
 }
 
 }  // namespace skytree

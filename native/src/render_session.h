@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "src/device_renderer.h"
 #include "src/filter_table.h"
 #include "src/scene.h"
 #include "src/tile_integrator.h"
@@ -40,13 +41,15 @@ struct SessionStats {
   double render_seconds = 0.0;    // wall clock, commit included
   double cpu_seconds = 0.0;       // of the session's threads while they render tiles
   int threads = 0;
+  std::string device;  // what rendered: "CPU", a GPU's name, or "… + CPU" where the CPU took over
 };
 
 /// One render at a time. Methods may be called from any one thread besides the session's own.
 class RenderSession {
  public:
-  /// 0 threads: all cores.
-  explicit RenderSession(int threads);
+  /// 0 threads: all cores. With a `device` that one renders; if it fails, the threads finish the
+  /// frame and warning() says why.
+  explicit RenderSession(int threads, std::unique_ptr<DeviceRenderer> device = nullptr);
   ~RenderSession();
 
   /// Returns at once. Throws std::invalid_argument for options out of range, std::runtime_error
@@ -60,6 +63,8 @@ class RenderSession {
   bool running() const { return running_.load(); }
   int samples_done() const { return samples_done_.load(); }
   std::string error() const;
+  /// Why the CPU renders although another device was asked for; empty if it does not.
+  std::string warning() const;
   SessionStats stats() const;
   int region_width() const { return options_.x1 - options_.x0; }
   int region_height() const { return options_.y1 - options_.y0; }
@@ -80,6 +85,11 @@ class RenderSession {
 
   void worker(int index);
   void lead();
+  bool render_on_device();
+  void take_device_film(const FilmPixel* film, int samples_done, const PassCounters& counters);
+  void plan_passes(int done);
+  template <class Visit>
+  void for_each_tile_row(Visit visit) const;
   void render_tiles();
   void accumulate(const TileSample& sample, int tile_x, int tile_y);
   void fail(const std::string& message);
@@ -90,6 +100,7 @@ class RenderSession {
   std::vector<float> filter_table_;
   IntegratorJob job_ = {};
   RenderTile render_tile_ = nullptr;
+  std::unique_ptr<DeviceRenderer> device_;
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable wake_, ended_;
@@ -97,7 +108,7 @@ class RenderSession {
   bool shutdown_ = false;
   int busy_ = 0;        // threads inside render_tiles
   bool ready_ = false;  // the scene is built, tiles may be rendered
-  std::string error_;
+  std::string error_, warning_;
   SessionStats stats_;
 
   std::atomic<bool> cancel_{false}, running_{false};
