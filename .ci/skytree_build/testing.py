@@ -13,6 +13,9 @@ from .environments import BLENDERS, blender_module, environment, find_python, le
 from .packaging import build_native, build_wheel, install_wheel, package
 from .steps import BUILD, ROOT, BuildError, Finished, relative, run
 
+BLENDER_TESTS = ROOT / "blender_tests"
+IN_BLENDER = (BLENDER_TESTS, f"--ignore={BLENDER_TESTS / 'window'}")
+
 
 @dataclass
 class Outcome:
@@ -109,7 +112,7 @@ def test_blender_module(version: str) -> Outcome:
     if not find_python(BLENDERS[version]):
         return Outcome(note=f"left out: {left_out(BLENDERS[version])}")
     archive, python = package(), blender_module(version)
-    return pytest(f"blender-{version}", [python, "-m", "pytest"], ROOT / "blender_tests", SKYTREE_ZIP=archive)
+    return pytest(f"blender-{version}", [python, "-m", "pytest"], *IN_BLENDER, SKYTREE_ZIP=archive)
 
 
 def test_debian_blender() -> Outcome:
@@ -122,11 +125,18 @@ def test_debian_blender() -> Outcome:
         / "python3.11"
         / "site-packages"
     )
-    runner = ROOT / "blender_tests" / "run_in_blender.py"
+    runner = BLENDER_TESTS / "run_in_blender.py"
     command = ["blender", "-b", "--factory-startup", "--python-exit-code", "3", "--python", runner, "--"]
-    return pytest(
-        "blender-3.4", command, ROOT / "blender_tests", SKYTREE_ZIP=archive, SKYTREE_PYTEST=packages
-    )
+    return pytest("blender-3.4", command, *IN_BLENDER, SKYTREE_ZIP=archive, SKYTREE_PYTEST=packages)
+
+
+def test_window() -> Outcome:
+    """Debian's Blender in a window on a virtual screen, driven from outside."""
+    require_packages("build", "test", "window")
+    archive, python, tests = package(), environment("venv", "tools", "3.11"), BLENDER_TESTS / "window"
+    # Cut off from the tests above, whose conftest.py imports bpy.
+    command = [python, "-m", "pytest", f"--confcutdir={tests}"]
+    return pytest("window", command, tests, SKYTREE_ZIP=archive)
 
 
 def test_lint() -> Outcome:
@@ -164,6 +174,7 @@ TEST_PARTS: dict[str, Callable[[], Outcome]] = {
     "blender-4.5": lambda: test_blender_module("4.5"),
     "blender-3.4": test_debian_blender,
     "blender-5.2": lambda: test_blender_module("5.2"),
+    "window": test_window,
     "builder": test_builder,
     "sanitizers": test_sanitizers,
 }
