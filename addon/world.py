@@ -21,6 +21,7 @@ from .nodes import NodeReader, Place, active_output, follow
 from .vectors import affine_direction, split_rotation
 from .version import uses_nodes
 
+MIN_COMPUTED_HEIGHT = 256
 IDENTITY_ROWS = tuple(map(tuple, np.eye(3)))
 
 
@@ -196,6 +197,8 @@ def render_map(expression: ex.Expression) -> np.ndarray:
         return loaded[expression]
     height = max(pixels.shape[0] for pixels in loaded.values())
     width = max(pixels.shape[1] * (2 if leaf.source.mirror_ball else 1) for leaf, pixels in loaded.items())
+    # Blender interpolates first and computes then; between few texels that makes a difference.
+    height, width = max(height, MIN_COMPUTED_HEIGHT), max(width, 2 * MIN_COMPUTED_HEIGHT)
 
     def on_grid(leaf):
         pixels = loaded[leaf]

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 import os
 import tempfile
 from pathlib import Path
@@ -49,7 +48,7 @@ def new_scene(width: int = 64, height: int = 48):
     return scene
 
 
-def add_camera(scene, location=(0.0, -6.0, 2.0), rotation=(math.radians(75.0), 0.0, 0.0), **settings):
+def add_camera(scene, location=(0.0, -6.0, 2.0), rotation=(1.31, 0.0, 0.0), **settings):
     data = bpy.data.cameras.new("Camera")
     for name, value in settings.items():
         setattr(data, name, value)
@@ -255,7 +254,7 @@ def shader_node(created):
     return next(n for n in created.node_tree.nodes if n.type not in {"OUTPUT_MATERIAL"})
 
 
-def test_scene_objects(scene):
+def demo_objects(scene):
     """A ground, a diffuse and a glossy sphere."""
     plane(scene, 30.0, material=material("ShaderNodeBsdfDiffuse", "Ground", Color=(0.5, 0.5, 0.5)))
     sphere(scene, (-1.2, 0, 1), material=material("ShaderNodeBsdfDiffuse", "Clay", Color=(0.8, 0.4, 0.2)))
@@ -264,4 +263,3 @@ def test_scene_objects(scene):
     sphere(scene, (1.2, 0, 1), material=glossy)
 
 
-test_scene_objects.__test__ = False

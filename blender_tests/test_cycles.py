@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lighting, not only background: diffuse and glossy surfaces under real maps look as in Cycles, within noise."""
+
+import numpy as np
+import pytest
+import scenes
+from noise import assert_agree, mean_and_variance
+
+SIZE = (96, 64)
+
+
+def lit_scene(scene, name: str, rotation):
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scenes.demo_objects(scene)
+    scenes.set_map(scene, scenes.bundled(name), rotation)
+    scene.render.film_transparent = True
+
+
+@pytest.mark.parametrize("max_bounces", [0, 4])
+@pytest.mark.parametrize("name, rotation", [("city", (0, 0, 0)), ("forest", (0.3, 0, 2.0))])
+def test_lighting_agrees_with_cycles(cycles, name, rotation, max_bounces):
+    lit_scene(cycles, name, rotation)
+    ours = [scenes.render_skytree(cycles, 128, max_bounces=max_bounces, seed=seed) for seed in (1, 2, 3)]
+    theirs = [scenes.render_cycles(cycles, 128, max_bounces, seed) for seed in (1, 2, 3)]
+    assert_agree(ours, theirs)
+
+
+def test_samplers_agree(scene):
+    lit_scene(scene, "city", (0, 0, 0.5))
+    scene.skytree.max_bounces = 1
+    pictures = {}
+    for sampler in ("KDTREE", "INVERSION", "ALIAS", "UNIFORM"):
+        samples = 512 if sampler == "UNIFORM" else 128
+        pictures[sampler] = [
+            scenes.render_skytree(scene, samples, sampler=sampler, seed=seed) for seed in (1, 2, 3)
+        ]
+    for sampler in ("INVERSION", "ALIAS", "UNIFORM"):
+        assert_agree(pictures["KDTREE"], pictures[sampler])
+
+
+@pytest.mark.parametrize("split", ["RANGE", "VARIANCE", "SSE", "MIN_VARIANCE"])
+@pytest.mark.parametrize("probability", ["FITTED", "EXACT", "MIN_VARIANCE"])
+def test_criteria_and_probabilities_agree(scene, split, probability):
+    lit_scene(scene, "sunrise", (0, 0, 0))
+    scene.skytree.max_bounces = 0
+    best = [scenes.render_skytree(scene, 64, seed=seed) for seed in (1, 2, 3)]
+    settings = {"split_criterion": split, "block_probability": probability, "block_count": 256}
+    other = [scenes.render_skytree(scene, 64, seed=seed, **settings) for seed in (4, 5, 6)]
+    assert_agree(best, other)
+
+
+def test_importance_sampling_is_less_noisy_than_none(scene):
+    """What all this is for: the same number of samples, a fraction of the variance."""
+    lit_scene(scene, "city", (0, 0, 0))
+    scene.skytree.max_bounces = 0
+    variance = {}
+    for sampler in ("KDTREE", "UNIFORM"):
+        pictures = [scenes.render_skytree(scene, 16, sampler=sampler, seed=seed) for seed in range(4)]
+        variance[sampler] = np.median(mean_and_variance(pictures)[1])
+    assert variance["KDTREE"] < 0.5 * variance["UNIFORM"]
