@@ -11,6 +11,7 @@ JOB.json holds `zip`, `hdri`, `rotation` (radians), `width`, `height`, `max_boun
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -39,7 +40,8 @@ def install(zip_file: str) -> str:
     """Installs and enables the add-on as a user does; -> version of the core."""
     if bpy.app.version >= (4, 2):
         module = "bl_ext.user_default.skytree"
-        if "user_default" not in bpy.context.preferences.extensions.repos:
+        repositories = bpy.context.preferences.extensions.repos
+        if "user_default" not in {repository.module for repository in repositories}:
             bpy.ops.preferences.extension_repo_add(name="User Default", type="LOCAL")
         bpy.ops.extensions.package_install_files(
             filepath=zip_file, repo="user_default", enable_on_install=True
@@ -50,14 +52,19 @@ def install(zip_file: str) -> str:
         bpy.ops.preferences.addon_enable(module=module)
     if module not in bpy.context.preferences.addons:
         raise RuntimeError(f"Blender did not enable {module} after installing {zip_file}; its log says why")
-    return sys.modules["skytree_core"].__version__
+    return importlib.import_module(f"{module}.native").core().__version__
+
+
+def property_names(settings: bpy.types.PropertyGroup) -> list[str]:
+    """What can be set: numbers, switches, choices and texts."""
+    kinds = {"BOOLEAN", "INT", "FLOAT", "ENUM", "STRING"}
+    return [p.identifier for p in settings.bl_rna.properties if p.type in kinds and p.identifier != "name"]
 
 
 def apply_settings(settings: bpy.types.PropertyGroup, values: dict) -> None:
     """Sets these properties of scene.skytree and puts all others back to their defaults."""
-    for name in settings.bl_rna.properties.keys():  # noqa: SIM118  iterating gives properties, not names
-        if name not in {"rna_type", "name"}:
-            settings.property_unset(name)
+    for name in property_names(settings):
+        settings.property_unset(name)
     for name, value in values.items():
         setattr(settings, name, value)
 
@@ -86,6 +93,7 @@ def render(scene: bpy.types.Scene, entry: dict, reporter: Reporter) -> None:
         name=entry["name"],
         wall_seconds=time.perf_counter() - started,
         cpu_seconds=sum(os.times()[:2]) - cpu_started,
+        settings={name: getattr(scene.skytree, name) for name in property_names(scene.skytree)},
         **{key: float(value) for key, value in bpy.app.driver_namespace.get("peer_stats", {}).items()},
     )
 

@@ -32,9 +32,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 ROOT = Path(__file__).resolve().parents[2]
-DEFAULT_MAP = "sunrise.exr"
+DEFAULT_MAP = "courtyard.exr"
 BLOCKS = 1024
-LIGHT_FROM = math.radians(-45)  # azimuth in the scene; the camera looks along +Y: over its right shoulder
+LIGHT_FROM = math.radians(-10)  # azimuth in the scene; the camera looks along +Y: from its right
 
 METHODS = {
     "inversion": ("Inversion", {"sampler": "INVERSION"}),
@@ -80,6 +80,9 @@ def parse(words: list[str]) -> argparse.Namespace:
     parser.add_argument("--blender-python", type=Path, default=ROOT / "build" / "bpy-4.5" / "bin" / "python")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "demo", help="for references and logs")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--publish", type=Path, metavar="DIR", help="also write small copies for the documentation"
+    )
     parser.add_argument(
         "--quick", action="store_true", help="small images and a coarse reference, for a first look"
     )
@@ -140,6 +143,8 @@ def run(arguments: argparse.Namespace, console: Console) -> dict:
             errors=errors,
         )
         draw(arguments.out, image, built, reference, images, exposure, summary)
+        if arguments.publish:
+            publish(arguments.out, arguments.publish)
         progress.advance(task)
     (arguments.out / "report.json").write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n")
     return summary
@@ -200,31 +205,42 @@ def draw(out: Path, image, built: dict, reference, images: dict, exposure: float
     """All pictures of the demo."""
     settings = summary["settings"]
     map_name, spp = settings["map"], settings["samples_per_pixel"]
-    notes = f"{settings['reference_samples_per_pixel']} samples per pixel; exposure × {exposure:.3g}"
-    columns = [pictures.Column("Reference", notes, reference)]
+    count = settings["reference_samples_per_pixel"]
+    columns = [
+        pictures.Column("Reference", [f"{count} samples per pixel", f"exposure × {exposure:.3g}"], reference)
+    ]
     pictures.view(reference, exposure).save(out / "reference.png")
     factor = pictures.difference_factor(reference, images.values(), exposure)
     for name, (title, _) in METHODS.items():
         figures = summary["methods"][name]
-        tables = report.bytes_text(figures["table_bytes"])
-        error, time_text = (
-            100 * figures["error"]["nrmse_tc"],
-            f"{figures['sample_nanoseconds']:.0f} ns a sample",
-        )
-        notes = f"{spp} samples per pixel: error {error:.2f} %; tables {tables}, {time_text}"
+        tables = "tables " + report.bytes_text(figures["table_bytes"])
+        error, nanoseconds = figures["error"]["nrmse_tc"], figures["sample_nanoseconds"]
+        notes = [
+            f"{spp} samples per pixel, error {100 * error:.1f} %",
+            f"{tables}, {nanoseconds:.0f} ns a sample",
+        ]
         columns.append(pictures.Column(title, notes, images[name]))
         pictures.view(images[name], exposure).save(out / f"{name}.png")
         pictures.difference(images[name], reference, exposure, factor).save(out / f"{name}_difference.png")
     title = f"Light of {map_name}, the environment sampled in three ways at equal samples"
-    pictures.sheet(title, columns, CROPS, exposure, factor).save(out / "comparison.png", optimize=True)
+    pictures.sheet(title, columns, CROPS, exposure, factor).save(out / "comparison.png")
     for name in ("kdtree", "kdtree_paper"):
         tree, method = built[name], METHODS[name][0]
         text = f"{map_name}: {tree.block_count} blocks. {method}"
-        pictures.blocks(image, tree.bounds, text).save(out / f"blocks_{name}.png", optimize=True)
+        pictures.blocks(image, tree.bounds, text).save(out / f"blocks_{name}.png")
         text = f"{map_name}, and rebuilt from {tree.block_count} blocks. {method}"
-        pictures.rebuilt(image, tree.reconstruct(), text).save(out / f"rebuilt_{name}.png", optimize=True)
+        pictures.rebuilt(image, tree.reconstruct(), text).save(out / f"rebuilt_{name}.png")
     paper = built["kdtree_paper"]
     pictures.pdf_plot(out / "pdf.png", paper.empirical, paper.alpha, paper.fit_error, map_name)
+
+
+def publish(out: Path, folder: Path) -> None:
+    """Small copies of the pictures that the documentation shows."""
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures.shrunk(out / "comparison.png", 1400).save(folder / "demo.png", optimize=True)
+    pictures.shrunk(out / "blocks_kdtree.png", 1024).save(folder / "blocks.png", optimize=True)
+    pictures.shrunk(out / "rebuilt_kdtree_paper.png", 640).save(folder / "rebuilt.png", optimize=True)
+    pictures.shrunk(out / "pdf.png", 1024).save(folder / "pdf.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ class Column:
     """One column of the comparison sheet."""
 
     title: str
-    notes: str
+    notes: list[str]
     image: np.ndarray
 
 
@@ -100,7 +100,7 @@ def sheet(
     reference = columns[0].image
     boxes = [crop.box(width, height) for crop in crops]
     crop_heights = [round((bottom - top) * width / (right - left)) for left, top, right, bottom in boxes]
-    header, caption = 58, 64
+    header, caption = 58, 84
     total = header + caption + height + sum(h + GAP for h in crop_heights) + GAP
     page = Image.new("RGB", (len(columns) * (width + GAP) + GAP, total), PAPER)
     draw = ImageDraw.Draw(page)
@@ -108,7 +108,8 @@ def sheet(
     for index, column in enumerate(columns):
         x, y = GAP + index * (width + GAP), header
         draw.text((x, y), column.title, INK, font(21, bold=True))
-        draw.text((x, y + 29), column.notes, SOFT, font(17))
+        for line, note in enumerate(column.notes):
+            draw.text((x, y + 29 + 22 * line), note, SOFT, font(16))
         y += caption
         page.paste(view(column.image, exposure), (x, y))
         y += height + GAP
@@ -134,6 +135,14 @@ def _inset(page: Image.Image, picture: Image.Image, label: str, corner: tuple[in
     draw.text((x + 6, y + 4), label, PAPER, font(15, bold=True), stroke_width=2, stroke_fill=(0, 0, 0))
 
 
+def shrunk(file: Path, width: int) -> Image.Image:
+    """The picture in a file at this width, in 256 colours: small enough for a repository."""
+    with Image.open(file) as picture:
+        size = (width, round(picture.height * width / picture.width))
+        small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+        return small.quantize(palette=small.quantize(256), dither=Image.Dither.FLOYDSTEINBERG)
+
+
 def blocks(image: np.ndarray, bounds: np.ndarray, title: str, width: int = 2048) -> Image.Image:
     """The map with the borders of its blocks; bounds (n,4) are x0, y0, x1, y1 in texels, upper ends
     exclusive."""
@@ -143,8 +152,8 @@ def blocks(image: np.ndarray, bounds: np.ndarray, title: str, width: int = 2048)
     lines = Image.new("L", picture.size, 0)
     draw = ImageDraw.Draw(lines)
     for x0, y0, x1, y1 in bounds * scale:
-        draw.rectangle((x0, y0, min(x1, width - 1), min(y1, height - 1)), outline=170)
-    picture.paste((255, 225, 60), mask=lines)
+        draw.rectangle((x0, y0, min(x1, width - 1), min(y1, height - 1)), outline=190)
+    picture.paste((225, 30, 60), mask=lines)
     return _titled(picture, title)
 
 

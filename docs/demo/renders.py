@@ -22,7 +22,7 @@ class Quality:
     width: int = 640
     height: int = 360
     samples: int = 16
-    reference_samples: int = 512  # of each of the two halves
+    reference_samples: int = 256  # of each of the two halves
     max_bounces: int = 3
 
 

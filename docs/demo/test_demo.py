@@ -193,7 +193,7 @@ def test_srgb_and_view_transform():
 
 def test_sheet_holds_every_column_and_crop():
     rng = np.random.default_rng(1)
-    columns = [pictures.Column(f"column {i}", "notes", rng.random((36, 64, 3))) for i in range(3)]
+    columns = [pictures.Column(f"column {i}", ["some", "notes"], rng.random((36, 64, 3))) for i in range(3)]
     crops = [pictures.Crop("a", 0.0, 0.0, 0.5, 0.5), pictures.Crop("b", 0.5, 0.5, 1.0, 1.0)]
     page = pictures.sheet("title", columns, crops, exposure=1.0, factor=4)
     assert page.width == 3 * (64 + pictures.GAP) + pictures.GAP
@@ -218,8 +218,8 @@ def test_blocks_are_drawn_where_they_are():
     picture = np.asarray(pictures.blocks(image, bounds, "title", width=256)).astype(int)
     body = picture[-128:]
     assert body.shape == (128, 256, 3)
-    yellow = body[60, :, 0] - body[60, :, 2] > 40
-    assert set(np.flatnonzero(yellow)) == {0, 128, 255}
+    lines = body[60, :, 0] - body[60, :, 1] > 40
+    assert set(np.flatnonzero(lines)) == {0, 128, 255}
 
 
 def test_fitted_pdf_is_a_pdf():
