@@ -55,8 +55,13 @@ DEVICES = (
 )
 
 
+def _changed(settings, context):
+    """Does nothing, but Blender tells the viewport of a script's change only where there is one."""
+
+
 class SkytreeSceneSettings(bpy.types.PropertyGroup):
     samples: IntProperty(
+        update=_changed,
         name="Samples",
         default=64,
         min=1,
@@ -65,6 +70,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Paths per pixel of a final render",
     )
     preview_samples: IntProperty(
+        update=_changed,
         name="Preview Samples",
         default=256,
         min=1,
@@ -73,6 +79,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Paths per pixel after which the viewport stops refining",
     )
     max_bounces: IntProperty(
+        update=_changed,
         name="Max Bounces",
         default=4,
         min=0,
@@ -81,6 +88,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Bounces between surfaces; 0: only the environment as the first surface sees it",
     )
     seed: IntProperty(
+        update=_changed,
         name="Seed",
         default=0,
         min=0,
@@ -89,12 +97,14 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
     )
     device: EnumProperty(name="Device", items=DEVICES, default="CPU", description="What renders")
     sampler: EnumProperty(
+        update=_changed,
         name="Sampler",
         items=SAMPLERS,
         default="KDTREE",
         description="How directions towards the world are chosen",
     )
     block_count: IntProperty(
+        update=_changed,
         name="Blocks",
         default=1024,
         min=1,
@@ -103,24 +113,28 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Blocks that the kd-tree cuts the map into; 1024 need less than 48 KB for any map",
     )
     split_criterion: EnumProperty(
+        update=_changed,
         name="Split",
         items=SPLIT_CRITERIA,
         default="MIN_VARIANCE",
         description="Which block is split next, and where",
     )
     block_probability: EnumProperty(
+        update=_changed,
         name="Probability",
         items=BLOCK_PROBABILITIES,
         default="MIN_VARIANCE",
         description="With which probability a block is chosen",
     )
     pixel_filter: EnumProperty(
+        update=_changed,
         name="Pixel Filter",
         items=PIXEL_FILTERS,
         default="BLACKMAN_HARRIS",
         description="How samples are weighted around a pixel's centre",
     )
     filter_width: FloatProperty(
+        update=_changed,
         name="Width",
         default=1.5,
         min=0.01,
@@ -156,12 +170,14 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
 
 class SkytreeMaterialSettings(bpy.types.PropertyGroup):
     use_ward: BoolProperty(
+        update=_changed,
         name="Anisotropic Ward",
         default=False,
         description="Show this material with Ward's anisotropic reflection model instead of its nodes "
         "(Skytree alone knows this setting)",
     )
     ward_alpha_x: FloatProperty(
+        update=_changed,
         name="Alpha X",
         default=0.5,
         min=0.001,
@@ -170,6 +186,7 @@ class SkytreeMaterialSettings(bpy.types.PropertyGroup):
         description="Standard deviation of the surface slope along the tangent",
     )
     ward_alpha_y: FloatProperty(
+        update=_changed,
         name="Alpha Y",
         default=0.1,
         min=0.001,
@@ -178,6 +195,7 @@ class SkytreeMaterialSettings(bpy.types.PropertyGroup):
         description="Standard deviation of the surface slope across the tangent",
     )
     ward_rotation: FloatProperty(
+        update=_changed,
         name="Rotation",
         default=0.0,
         min=0.0,
@@ -186,6 +204,7 @@ class SkytreeMaterialSettings(bpy.types.PropertyGroup):
         description="Turns of the tangent about the normal",
     )
     ward_color: FloatVectorProperty(
+        update=_changed,
         name="Color",
         subtype="COLOR",
         size=3,

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 96, 64
 @pytest.fixture
 def viewport(skytree, scene):
     """(scene, renderer that has synced and looks through the camera)."""
-    scenes.test_scene_objects(scene)
+    scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled())
     scene.skytree.preview_samples = 4
     renderer = part(skytree, "viewport").ViewportRenderer()
@@ -200,8 +200,8 @@ def test_every_setting_shows_a_new_picture(skytree, viewport):
     changes = {
         "max_bounces": 1,
         "seed": 3,
-        "pixel_filter": "BOX",
         "filter_width": 3.0,
+        "pixel_filter": "BOX",
         "sampler": "INVERSION",
         "preview_samples": 6,
     }
@@ -218,6 +218,10 @@ def test_every_setting_shows_a_new_picture(skytree, viewport):
 
 def test_film_transparent(skytree, viewport):
     scene, renderer = viewport
+    scene.camera.rotation_euler.x = math.radians(90.0)
+    bpy.context.view_layer.update()
+    look(skytree, renderer)
+    finish(renderer)
     assert (renderer.pixels()[..., 3] > 0.999).all()
     scene.render.film_transparent = True
     look(skytree, renderer)
@@ -369,7 +373,7 @@ def test_main_thread_stays_responsive(skytree, scene):
     pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
     image.pixels.foreach_set(pixels.ravel())
     _, mapping = scenes.set_map(scene, image)
-    scene.skytree.preview_samples = 64
+    scene.skytree.preview_samples = 2
 
     module = part(skytree, "viewport")
     renderer = module.ViewportRenderer()

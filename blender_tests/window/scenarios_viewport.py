@@ -10,7 +10,7 @@ def set_up(w, map_name: str = "city"):
     """The test scene under a bundled HDRI, seen from the side, in Solid shading."""
     scene = scenes.new_scene()
     scene.skytree.preview_samples = 8
-    scenes.test_scene_objects(scene)
+    scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled(map_name))
     view = w.space.region_3d
     view.view_perspective = "PERSP"
