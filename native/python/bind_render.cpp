@@ -315,6 +315,7 @@ py::dict session_stats(const RenderSession& session) {
   dict["commit_seconds"] = stats.commit_seconds;
   dict["rejected_samples"] = stats.rejected_samples;
   dict["threads"] = stats.threads;
+  dict["device"] = stats.device;
   return dict;
 }
 
@@ -455,10 +456,14 @@ void bind_render(py::module_& m) {
   using namespace pybind11::literals;
   bind_scene(m);
   py::class_<RenderSession>(m, "RenderSession", R"(
-A progressive path-traced render on native threads (0: all cores).
+A progressive path-traced render on native threads (0: all cores), or on a GPU: device is "CPU", "CUDA" (the first GPU)
+or an id of devices(). If the GPU fails or is not there, the threads finish the frame and `warning` says why.
 
 A pixel's value depends on its position, the sample index and the seed only.)")
-      .def(py::init<int>(), "threads"_a = 0)
+      .def(py::init([](int threads, const std::string& device) {
+             return std::make_unique<RenderSession>(threads, make_device_renderer(device));
+           }),
+           "threads"_a = 0, "device"_a = "CPU")
       .def("start", &start, "scene"_a, "width"_a, "height"_a, "samples"_a, py::kw_only(),
            "max_bounces"_a = 4, "seed"_a = 0, "pixel_filter"_a = "BLACKMAN_HARRIS",
            "filter_width"_a = 1.5, "region"_a = py::none(), "film_transparent"_a = false,
@@ -488,11 +493,18 @@ returned if given.)")
             return error.empty() ? py::object(py::none()) : py::object(py::str(error));
           },
           "What stopped the render, or None.")
+      .def_property_readonly(
+          "warning",
+          [](const RenderSession& session) -> py::object {
+            const std::string warning = session.warning();
+            return warning.empty() ? py::object(py::none()) : py::object(py::str(warning));
+          },
+          "Why the CPU renders although a GPU was asked for, or None.")
       .def_property_readonly("render_seconds",
                              [](const RenderSession& s) { return s.stats().render_seconds; })
-      .def_property_readonly(
-          "stats", &session_stats,
-          "rays, seconds, cpu_seconds, commit_seconds, rejected_samples, threads.");
+      .def_property_readonly("stats", &session_stats,
+                             "rays, seconds, cpu_seconds, commit_seconds, rejected_samples, "
+                             "threads, device (what rendered).");
 }
 
 }  // namespace skytree

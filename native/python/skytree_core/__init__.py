@@ -19,6 +19,7 @@ from ._native import (
     RenderSession,
     Scene,
     UniformSampler,
+    cuda_problem,
     devices,
 )
 from .image import read_image
@@ -35,6 +36,7 @@ __all__ = [
     "RenderSession",
     "Scene",
     "UniformSampler",
+    "cuda_problem",
     "devices",
     "read_image",
 ]
