@@ -62,7 +62,7 @@ SKY_HD BsdfValue eval_ggx(const Lobe& lobe, Vec3 wo, Vec3 wi) {
 
 SKY_HD BsdfValue eval_lobe(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   if (lobe.type == LobeType::kDiffuse) {
-    const float pdf = fmaxf(dot(lobe.normal, wi), 0.0f) * kInvPi;
+    const float pdf = maxf(dot(lobe.normal, wi), 0.0f) * kInvPi;
     return {lobe.weight * pdf, pdf};
   }
   if (lobe.type == LobeType::kWard) {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What lets one header serve g++, clang and nvcc. Kernel headers hold plain data and functions only:
-// no STL, no exceptions, no allocation, no virtual calls.
+// What lets one header serve g++, clang and nvcc. Kernel headers hold plain data and functions
+// only: no STL, no exceptions, no allocation, no virtual calls.
 #pragma once
 
 #if defined(__CUDACC__)
-#define SKY_HD __host__ __device__ inline
+#define SKY_HD static __host__ __device__ inline
 #else
-#define SKY_HD inline
+// static: the host compiles these headers for several instruction sets, and of equal functions the
+// linker would keep any one, with instructions that the processor may lack.
+#define SKY_HD static inline
 #endif
 
 #if defined(__CUDA_ARCH__)

@@ -55,7 +55,7 @@ SKY_HD Vec3 interpolate(Vec3 a, Vec3 b, Vec3 c, float u, float v) {
   return a * (1.0f - u - v) + b * u + c * v;
 }
 
-SKY_HD float max_abs_component(Vec3 v) { return fmaxf(fabsf(v.x), fmaxf(fabsf(v.y), fabsf(v.z))); }
+SKY_HD float max_abs_component(Vec3 v) { return maxf(fabsf(v.x), maxf(fabsf(v.y), fabsf(v.z))); }
 
 /// `v` if it has a length, otherwise `fallback`.
 SKY_HD Vec3 normalize_or(Vec3 v, Vec3 fallback) {

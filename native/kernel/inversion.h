@@ -41,7 +41,7 @@ SKY_HD int32_t search_binary(const float* cdf, int32_t count, float u) {
 }
 
 SKY_HD int32_t search_guided(const float* cdf, const uint16_t* guide, int32_t count, float u) {
-  int32_t i = guide[(int32_t)fminf(u * (float)count, (float)(count - 1))];
+  int32_t i = guide[(int32_t)minf(u * (float)count, (float)(count - 1))];
   while (cdf[i + 1] <= u) ++i;
   return i;
 }

@@ -56,8 +56,8 @@ SKY_HD int32_t next_node(uint32_t children, bool second) {
 /// Block that a unit direction lies in.
 SKY_HD int32_t locate_block(const KdTreeView& tree, Vec3 direction) {
   const float u = latlong_u(direction);
-  const int column = (int)fminf(fmaxf(u, 0.0f) * kStartColumns, kStartColumns - 1);
-  const int row = (int)fminf(fmaxf(1.0f - direction.z, 0.0f) * (0.5f * kStartRows), kStartRows - 1);
+  const int column = (int)minf(maxf(u, 0.0f) * kStartColumns, kStartColumns - 1);
+  const int row = (int)minf(maxf(1.0f - direction.z, 0.0f) * (0.5f * kStartRows), kStartRows - 1);
   const int32_t azimuth = azimuth_key(u);
   const int32_t elevation = elevation_key(direction);
   int32_t node = tree.start_grid[row * kStartColumns + column];

@@ -34,7 +34,7 @@ SKY_HD Vec2 latlong_uv(Vec3 direction) {
 SKY_HD void latlong_texel(Vec3 direction, int width, int height, int32_t* x, int32_t* y) {
   const float r = sqrtf(direction.x * direction.x + direction.y * direction.y);
   const float rows = sky_atan2(r, fabsf(direction.z)) * kInvPi * (float)height;
-  const int32_t row = (int32_t)fminf(rows, (float)(height - 1));
+  const int32_t row = (int32_t)minf(rows, (float)(height - 1));
   *x = (int32_t)clampf(latlong_u(direction) * (float)width, 0.0f, (float)(width - 1));
   *y = direction.z < 0.0f ? height - 1 - row : row;
 }
@@ -101,13 +101,13 @@ SKY_HD int32_t elevation_key(Vec3 direction) {
 }
 
 /// The same for the position along a row.
-SKY_HD int32_t azimuth_key(float u) { return (int32_t)float_bits(fmaxf(u, 0.0f)); }
+SKY_HD int32_t azimuth_key(float u) { return (int32_t)float_bits(maxf(u, 0.0f)); }
 
 /// Direction at u and at h in [0, 1] measured from +Z (southern: from -Z).
 SKY_HD Vec3 direction_at_height(float u, float h, bool southern) {
   float sin_phi, cos_phi;
   sky_sincos_turns(0.5f - u, &sin_phi, &cos_phi);
-  const float sin_theta = 2.0f * sqrtf(fmaxf(h * (1.0f - h), 0.0f));
+  const float sin_theta = 2.0f * sqrtf(maxf(h * (1.0f - h), 0.0f));
   const float z = 1.0f - 2.0f * h;
   return {sin_theta * cos_phi, sin_theta * sin_phi, southern ? -z : z};
 }

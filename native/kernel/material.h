@@ -95,7 +95,7 @@ SKY_HD float textured(const MaterialTables& tables, float value, int32_t texture
 /// until it is not.
 SKY_HD Vec3 visible_normal(Vec3 normal, Vec3 geometric_normal, Vec3 view) {
   const float cosine = dot(normal, view);
-  const float least = fminf(0.01f, 0.9f * dot(geometric_normal, view));
+  const float least = minf(0.01f, 0.9f * dot(geometric_normal, view));
   return cosine >= least ? normal
                          : normalize_or(normal + view * (least - cosine), geometric_normal);
 }

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "kernel/config.h"
+#include "kernel/minmax.h"
 
 namespace skytree {
 
@@ -134,7 +135,7 @@ SKY_HD float sky_cos(float x) {
 /// Angle of (x, y) in [-pi, pi], as atan2 for finite arguments; atan2(0, 0) = 0.
 SKY_HD float sky_atan2(float y, float x) {
   const float ax = fabsf(x), ay = fabsf(y);
-  const float hi = fmaxf(ax, ay), lo = fminf(ax, ay);
+  const float hi = maxf(ax, ay), lo = minf(ax, ay);
   const bool upper = lo > 0.414213562f * hi;  // tan(pi/8)
   const float numerator = upper ? lo - hi : lo;
   const float denominator = upper ? lo + hi : hi;
@@ -149,7 +150,7 @@ SKY_HD float sky_atan2(float y, float x) {
 }
 
 SKY_HD float sky_exp(float x) {
-  const float clamped = fminf(fmaxf(x, -110.0f), 110.0f);
+  const float clamped = minf(maxf(x, -110.0f), 110.0f);
   const float magic = clamped * detail::kLog2E + detail::kRoundMagic;
   const float k = magic - detail::kRoundMagic;
   const float r = (clamped - k * detail::kLn2Hi) - k * detail::kLn2Lo;
@@ -157,7 +158,7 @@ SKY_HD float sky_exp(float x) {
 }
 
 SKY_HD float sky_exp2(float x) {
-  const float clamped = fminf(fmaxf(x, -160.0f), 160.0f);
+  const float clamped = minf(maxf(x, -160.0f), 160.0f);
   const float k = (clamped + detail::kRoundMagic) - detail::kRoundMagic;
   const float r = (clamped - k) * 0.693147180559945f;
   return x != x ? x : detail::scale_pow2(1.0f + detail::expm1_reduced(r), (int)k);
@@ -165,7 +166,7 @@ SKY_HD float sky_exp2(float x) {
 
 /// exp(x) - 1 with full relative precision near 0; |x| up to 88.
 SKY_HD float sky_expm1(float x) {
-  const float clamped = fminf(fmaxf(x, -30.0f), 88.0f);
+  const float clamped = minf(maxf(x, -30.0f), 88.0f);
   const float magic = clamped * detail::kLog2E + detail::kRoundMagic;
   const float k = magic - detail::kRoundMagic;
   const float r = (clamped - k * detail::kLn2Hi) - k * detail::kLn2Lo;

@@ -34,13 +34,13 @@ SKY_HD Vec3 ggx_sample_visible_normal(Vec3 view, float alpha_x, float alpha_y, V
   const float z = (1.0f - u.y) * (1.0f + stretched.z) - stretched.z;
   const float r = sqrtf(clampf(1.0f - z * z, 0.0f, 1.0f));
   const Vec3 h = Vec3{r * cosine, r * sine, z} + stretched;
-  return normalize({h.x * alpha_x, h.y * alpha_y, fmaxf(h.z, 1e-7f)});
+  return normalize({h.x * alpha_x, h.y * alpha_y, maxf(h.z, 1e-7f)});
 }
 
 /// Cycles' reading of anisotropy in [-1,1] for its Glossy BSDF node; alpha = roughness^2.
 SKY_HD Vec2 glossy_alpha(float roughness, float anisotropy) {
   // Below this the lobe is narrower than a float direction resolves; also the mirror.
-  const float alpha = fmaxf(roughness * roughness, 1e-4f);
+  const float alpha = maxf(roughness * roughness, 1e-4f);
   const float a = clampf(anisotropy, -0.99f, 0.99f);
   if (a < 0.0f) return {alpha / (1.0f + a), alpha * (1.0f + a)};
   return {alpha * (1.0f - a), alpha / (1.0f - a)};
@@ -48,7 +48,7 @@ SKY_HD Vec2 glossy_alpha(float roughness, float anisotropy) {
 
 /// Cycles' reading of anisotropic in [0,1] for its Principled BSDF node.
 SKY_HD Vec2 principled_alpha(float roughness, float anisotropic) {
-  const float alpha = fmaxf(roughness * roughness, 1e-4f);
+  const float alpha = maxf(roughness * roughness, 1e-4f);
   const float aspect = sqrtf(1.0f - clampf(anisotropic, 0.0f, 1.0f) * 0.9f);
   return {alpha / aspect, alpha * aspect};
 }

@@ -45,7 +45,8 @@ SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
                   &count);
     for (int i = 0; i < count; ++i) {
       if (trace_connection(scene, tracer, &connections[i], &rays)) {
-        path.radiance += connection_radiance(scene, connections[i]);
+        path.radiance += connection_radiance(
+            scene, connections[i], environment_uv(scene.environment, connections[i].ray.direction));
       }
     }
     ++rays;

@@ -23,7 +23,7 @@ struct RankModel {
 /// Inverse of the model's distribution function, truncated to a rank in [0, n).
 SKY_HD int32_t sample_rank(const RankModel& model, float u) {
   const float x = model.alpha * sky_expm1(u * model.log_range);
-  return (int32_t)fminf(x, (float)(model.count - 1));
+  return (int32_t)minf(x, (float)(model.count - 1));
 }
 
 /// Probability of a rank.

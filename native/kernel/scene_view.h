@@ -38,6 +38,11 @@ struct RenderSettings {
   bool light_sampling = true;  // off: BSDF samples alone, without MIS
 };
 
+/// Where in the map a world direction points.
+SKY_HD Vec2 environment_uv(const EnvironmentView& environment, Vec3 direction) {
+  return latlong_uv(environment.world_to_env * direction);
+}
+
 /// Radiance of the environment along a world direction.
 SKY_HD Vec3 environment_radiance(const EnvironmentView& environment, Vec3 direction) {
   return environment.color *

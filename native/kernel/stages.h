@@ -35,7 +35,7 @@ struct Connection {
 };
 
 /// Pairs of random numbers: one for the camera, then kPairsPerBounce for each vertex.
-enum RandomPair : uint32_t { kPairFilter, kPairLight, kPairBsdf, kPairChoice, kPairsPerBounce = 3 };
+enum RandomPair : uint32_t { kPairFilter = 0, kPairLight = 1, kPairsPerBounce = 3 };
 
 /// The random numbers of one vertex. A batch draws them in a loop of their own, which vectorises.
 struct VertexRandom {
@@ -45,11 +45,15 @@ struct VertexRandom {
 constexpr int kMaxTransparentBounces = 64;
 constexpr int kFirstRouletteBounce = 4;
 
+/// Its pairs follow in the order of VertexRandom.
+SKY_HD uint32_t first_pair(int vertex) {
+  return kPairLight + kPairsPerBounce * static_cast<uint32_t>(vertex);
+}
+
 SKY_HD VertexRandom vertex_random(uint32_t seed, uint32_t sample, int vertex) {
-  const uint32_t first = kPairsPerBounce * static_cast<uint32_t>(vertex);
-  return {random_pair(seed, sample, first + kPairLight),
-          random_pair(seed, sample, first + kPairBsdf),
-          random_pair(seed, sample, first + kPairChoice)};
+  const uint32_t first = first_pair(vertex);
+  return {random_pair(seed, sample, first), random_pair(seed, sample, first + 1),
+          random_pair(seed, sample, first + 2)};
 }
 
 /// Stage 1: the camera ray of sample `sample` of pixel (x,y), `filter_u` its random pair
@@ -71,13 +75,16 @@ SKY_HD void start_path(const SceneView& scene, const RenderSettings& settings, i
   path->transparent_bounces = 0;
 }
 
-/// Radiance that an unoccluded connection brings.
-SKY_HD Vec3 connection_radiance(const SceneView& scene, const Connection& connection) {
+/// Radiance that an unoccluded connection brings; `uv` is environment_uv of its direction, apart so
+/// that a batch can fetch its texels ahead: in a large map nearly every look-up waits for memory.
+SKY_HD Vec3 connection_radiance(const SceneView& scene, const Connection& connection, Vec2 uv) {
   const EnvironmentView& environment = scene.environment;
-  const Vec3 direction = environment.world_to_env * connection.ray.direction;
   float pdf = connection.pdf;
-  if (connection.from_bsdf) pdf += environment_pdf(environment.sampler, direction);
-  return connection.weight * environment.color * lookup_bilinear(environment.image, direction) *
+  if (connection.from_bsdf) {
+    pdf +=
+        environment_pdf(environment.sampler, environment.world_to_env * connection.ray.direction);
+  }
+  return connection.weight * environment.color * lookup_bilinear_uv(environment.image, uv.x, uv.y) *
          (1.0f / pdf);
 }
 
@@ -192,7 +199,7 @@ SKY_HD bool shade(const SceneView& scene, const RenderSettings& settings, const 
   }
   path->throughput *= bsdf.f * (1.0f / bsdf.pdf);
   if (path->bounce >= kFirstRouletteBounce) {
-    const float survive = fminf(1.0f, max_component(path->throughput));
+    const float survive = minf(1.0f, max_component(path->throughput));
     // One number per vertex is left over: the light's choice, which the NEE ray has already used up
     // on its own.
     if (random.choice.x >= survive) return false;

@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "kernel/config.h"
+#include "kernel/minmax.h"
 
 namespace skytree {
 
@@ -35,8 +36,8 @@ SKY_HD Vec3 normalize(Vec3 a) { return a * (1.0f / length(a)); }
 
 /// Rec. 709 luminance of linear RGB; the scalar that build statistics and importance use.
 SKY_HD float luminance(Vec3 rgb) { return 0.2126f * rgb.x + 0.7152f * rgb.y + 0.0722f * rgb.z; }
-SKY_HD float max_component(Vec3 a) { return fmaxf(a.x, fmaxf(a.y, a.z)); }
-SKY_HD float clampf(float x, float lo, float hi) { return fminf(fmaxf(x, lo), hi); }
+SKY_HD float max_component(Vec3 a) { return maxf(a.x, maxf(a.y, a.z)); }
+SKY_HD float clampf(float x, float lo, float hi) { return minf(maxf(x, lo), hi); }
 
 /// Row-major: row[i] dotted with a column vector.
 struct Mat3 {

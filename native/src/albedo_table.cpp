@@ -11,7 +11,7 @@ namespace {
 
 std::vector<float> integrate_table() {
   constexpr int n = kAlbedoTableSize;
-  constexpr int kSamples = 256;
+  constexpr int kSamples = 64;
   std::vector<float> table(size_t(n) * n * n);
   Lobe lobe = {};
   lobe.type = LobeType::kDielectric;

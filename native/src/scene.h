@@ -131,7 +131,7 @@ class Scene {
   std::vector<MaterialView> material_views_;
   std::vector<Closure> closures_;
   std::vector<TextureView> texture_views_;
-  bool has_emission_ = false, has_transparency_ = false;
+  bool has_emission_ = false, has_transparency_ = false, has_principled_ = false;
 
   SceneStats stats_;
   std::atomic<int> users_{0};

@@ -139,7 +139,7 @@ void Scene::fill_tables() {
   }
   material_views_.clear();
   closures_.clear();
-  has_emission_ = has_transparency_ = false;
+  has_emission_ = has_transparency_ = has_principled_ = false;
   for (const auto& [id, material] : materials_) {
     material_rows[id] = int(material_views_.size());
     material_views_.push_back({int32_t(closures_.size()), int32_t(material.closures.size())});
@@ -157,6 +157,7 @@ void Scene::fill_tables() {
         *texture = found == texture_rows.end() ? -1 : found->second;
       }
       has_transparency_ |= closure.type == ClosureType::kTransparent;
+      has_principled_ |= closure.type == ClosureType::kPrincipled;
       has_emission_ |= max_component(closure.emission) > 0.0f;
       closures_.push_back(closure);
     }
@@ -185,12 +186,14 @@ void Scene::fill_tables() {
 SceneView Scene::view(int width, int height) const {
   if (!has_camera_) throw std::runtime_error("the scene has no camera; call set_camera first");
   static const float kWhite[3] = {1, 1, 1};
+  static const float kNoAlbedo[kAlbedoTableSize * kAlbedoTableSize * kAlbedoTableSize] = {};
   SceneView view = {};
   view.meshes = mesh_views_.data();
   view.instances = instance_views_.data();
   view.instance_materials = instance_materials_.data();
   view.materials = material_views_.data();
-  view.tables = {closures_.data(), texture_views_.data(), dielectric_albedo_table()};
+  view.tables = {closures_.data(), texture_views_.data(),
+                 has_principled_ ? dielectric_albedo_table() : kNoAlbedo};
   view.environment.image =
       environment_.texels
           ? LatLongImage{environment_.texels.get(), environment_.width, environment_.height}

@@ -10,6 +10,10 @@
 
 namespace skytree {
 
+#if defined(SKYTREE_HAS_AVX2)
+extern const RenderTile render_tile_avx2;
+#endif
+
 // All versions lay the batch out alike; its size comes from this one.
 struct alignas(64) TileScratch {
   baseline::Batch batch;
@@ -17,6 +21,11 @@ struct alignas(64) TileScratch {
 TileScratch* new_tile_scratch() { return new TileScratch; }
 void delete_tile_scratch(TileScratch* scratch) { delete scratch; }
 
-RenderTile select_render_tile() { return baseline::render_tile; }
+RenderTile select_render_tile() {
+#if defined(SKYTREE_HAS_AVX2)
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2")) return render_tile_avx2;
+#endif
+  return baseline::render_tile;
+}
 
 }  // namespace skytree

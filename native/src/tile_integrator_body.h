@@ -74,11 +74,16 @@ struct Batch {
   int active[kTilePixels];  // paths that have a ray to trace
   Hit hits[2 * kTilePixels];
   uint32_t seeds[kTilePixels];  // of the active paths, in their order
-  VertexRandom random[kTilePixels];
+  float random[2 * kPairsPerBounce][kTilePixels];
   Connection connections[2 * kTilePixels];
   int connection_path[2 * kTilePixels];
   bool occluded[2 * kTilePixels];
-  int waiting[2 * kTilePixels];  // connections that are still on their way through transparency
+  int waiting[2 * kTilePixels];  // connections: on their way through transparency, then arrived
+  float direction_x[2 * kTilePixels];  // of the arrived ones
+  float direction_y[2 * kTilePixels];
+  float direction_z[2 * kTilePixels];
+  float u[2 * kTilePixels];  // where in the map they ended
+  float v[2 * kTilePixels];
 };
 
 /// trace_any where surfaces may be transparent: surface after surface, each dims the connection.
@@ -108,12 +113,46 @@ static uint64_t trace_through(const IntegratorJob& job, Batch* batch, int count)
   return rays;
 }
 
+/// Asks for the texels that a look-up at uv will read.
+static void fetch_ahead(const LatLongImage& image, Vec2 uv) {
+  const int x = static_cast<int>(maxf(uv.x * static_cast<float>(image.width) - 0.5f, 0.0f));
+  const int y = static_cast<int>(clampf(uv.y * static_cast<float>(image.height) - 0.5f, 0.0f,
+                                        static_cast<float>(image.height - 1)));
+  const float* above = image.texels + 3 * (static_cast<int64_t>(y) * image.width + x);
+  __builtin_prefetch(above);
+  __builtin_prefetch(above + 5);
+  if (y + 1 >= image.height) return;
+  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width));
+  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width) + 5);
+}
+
+/// connection_uv for a batch; the first loop vectorises.
+static void locate_in_map(const EnvironmentView& environment, Batch* batch, int count) {
+  for (int i = 0; i < count; ++i) {
+    const Vec2 uv = environment_uv(
+        environment, {batch->direction_x[i], batch->direction_y[i], batch->direction_z[i]});
+    batch->u[i] = uv.x;
+    batch->v[i] = uv.y;
+  }
+  for (int i = 0; i < count; ++i) fetch_ahead(environment.image, {batch->u[i], batch->v[i]});
+}
+
 /// 2 x 4 pixels are neighbours in a packet: the more alike its rays, the cheaper it is.
 static int tile_order(int i) {
   const int block = i >> 3, lane = i & 7;
   const int x = ((block & 3) << 2) | (lane & 3);
   const int y = ((block >> 2) << 1) | (lane >> 2);
   return y * kTileSize + x;
+}
+
+/// A loop of its own, which the compiler vectorises.
+static void draw_pairs(const uint32_t* seeds, int count, uint32_t sample, uint32_t pair,
+                       float* __restrict x, float* __restrict y) {
+  for (int i = 0; i < count; ++i) {
+    const Vec2 u = random_pair(seeds[i], sample, pair);
+    x[i] = u.x;
+    y[i] = u.y;
+  }
 }
 
 static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, uint32_t sample,
@@ -126,10 +165,15 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
     const int x = tile_x * kTileSize + pixel % kTileSize;
     const int y = tile_y * kTileSize + pixel / kTileSize;
     if (x >= job.width || y >= job.height) continue;
-    const uint32_t seed = pixel_seed(job.settings.seed, x, y);
-    start_path(job.scene, job.settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter),
-               &batch.paths[pixel]);
+    batch.seeds[count] = pixel_seed(job.settings.seed, x, y);
     batch.active[count++] = pixel;
+  }
+  draw_pairs(batch.seeds, count, sample, kPairFilter, batch.random[0], batch.random[1]);
+  for (int i = 0; i < count; ++i) {
+    const int pixel = batch.active[i];
+    start_path(job.scene, job.settings, tile_x * kTileSize + pixel % kTileSize,
+               tile_y * kTileSize + pixel / kTileSize, batch.seeds[i], sample,
+               {batch.random[0][i], batch.random[1][i]}, &batch.paths[pixel]);
   }
   bool coherent = true;
   // A path ends by its own rules; the bound only keeps an error in them from hanging a thread.
@@ -140,13 +184,19 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
     rays += count;
     coherent = false;
     for (int i = 0; i < count; ++i) batch.seeds[i] = batch.paths[batch.active[i]].seed;
-    for (int i = 0; i < count; ++i) batch.random[i] = vertex_random(batch.seeds[i], sample, vertex);
+    for (uint32_t pair = 0; pair < kPairsPerBounce; ++pair) {
+      draw_pairs(batch.seeds, count, sample, first_pair(vertex) + pair, batch.random[2 * pair],
+                 batch.random[2 * pair + 1]);
+    }
     int connection_count = 0, alive = 0;
     for (int i = 0; i < count; ++i) {
       const int path = batch.active[i];
+      const VertexRandom random = {{batch.random[0][i], batch.random[1][i]},
+                                   {batch.random[2][i], batch.random[3][i]},
+                                   {batch.random[4][i], batch.random[5][i]}};
       int made = 0;
-      const bool go_on = shade(job.scene, job.settings, batch.hits[i], batch.random[i],
-                               &batch.paths[path], batch.connections + connection_count, &made);
+      const bool go_on = shade(job.scene, job.settings, batch.hits[i], random, &batch.paths[path],
+                               batch.connections + connection_count, &made);
       for (int k = 0; k < made; ++k) batch.connection_path[connection_count++] = path;
       if (go_on) batch.active[alive++] = path;
     }
@@ -157,10 +207,22 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
       trace_any(job, batch.connections, connection_count, batch.occluded);
       rays += connection_count;
     }
+    int arrived = 0;
     for (int i = 0; i < connection_count; ++i) {
-      if (batch.occluded[i]) continue;
+      batch.waiting[arrived] = i;
+      arrived += !batch.occluded[i];
+    }
+    for (int k = 0; k < arrived; ++k) {
+      const Vec3 direction = batch.connections[batch.waiting[k]].ray.direction;
+      batch.direction_x[k] = direction.x;
+      batch.direction_y[k] = direction.y;
+      batch.direction_z[k] = direction.z;
+    }
+    locate_in_map(job.scene.environment, &batch, arrived);
+    for (int k = 0; k < arrived; ++k) {
+      const int i = batch.waiting[k];
       batch.paths[batch.connection_path[i]].radiance +=
-          connection_radiance(job.scene, batch.connections[i]);
+          connection_radiance(job.scene, batch.connections[i], {batch.u[k], batch.v[k]});
     }
   }
   for (int i = 0; i < kTilePixels; ++i) {
