@@ -93,7 +93,7 @@ class Environments:
             try:
                 image = self._map(environment)
             except ValueError as error:
-                messages.warn(str(error))
+                messages.warn(str(error), topic="IMAGE")
                 image = None
             except BaseException as error:
                 self._fail(key, future, error)

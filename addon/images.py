@@ -58,13 +58,15 @@ class ImageStore:
         if image.source == "MOVIE":
             messages.warn(
                 f'{owner}: the image "{image.name}" is a movie, which is not read; '
-                "convert it to an image sequence"
+                "convert it to an image sequence",
+                topic="IMAGE",
             )
             return None
         if image.source == "VIEWER":
             messages.warn(
                 f'{owner}: the image "{image.name}" is a render or viewer result, which is not read; '
-                "save it and load the file"
+                "save it and load the file",
+                topic="IMAGE",
             )
             return None
         is_sequence = image.source == "SEQUENCE"
@@ -74,7 +76,8 @@ class ImageStore:
         if problem or not (is_sequence or all(image.size)):
             messages.warn(
                 f'{owner}: the image "{image.name}" cannot be read: '
-                f"{problem or path + ' is not an image that Blender can open'}"
+                f"{problem or path + ' is not an image that Blender can open'}",
+                topic="IMAGE",
             )
             return None
         state = (

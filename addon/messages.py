@@ -12,12 +12,16 @@ class Messages:
 
     def __init__(self):
         self._entries: dict[str, str] = {}
+        self._topics: dict[str, str] = {}
 
     def info(self, text: str):
         self._entries.setdefault(text, "INFO")
 
-    def warn(self, text: str):
+    def warn(self, text: str, topic: str = ""):
+        """`topic` is what the panels offer a remedy for: NODE (cannot be read) or IMAGE (has no pixels)."""
         self._entries.setdefault(text, "WARNING")
+        if topic:
+            self._topics[text] = topic
 
     def error(self, text: str):
         self._entries.setdefault(text, "ERROR")
@@ -25,12 +29,16 @@ class Messages:
     def extend(self, other: Messages):
         for text, severity in other._entries.items():
             self._entries.setdefault(text, severity)
+        self._topics.update(other._topics)
 
     def replace(self, old: Messages, new: Messages):
         """Takes back what `old` said, then says what `new` says."""
         for text in old._entries:
             self._entries.pop(text, None)
         self.extend(new)
+
+    def about(self, topic: str) -> list[str]:
+        return [text for text in self._entries if self._topics.get(text) == topic]
 
     def clear(self):
         self._entries.clear()

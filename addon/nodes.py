@@ -108,7 +108,8 @@ class NodeReader:
                 return _convert(result, output.socket, place.socket)
             self.messages.warn(
                 f'{self.owner}: the node "{output.node.name}" ({output.node.bl_label}) cannot be read; '
-                f'"{place.socket.name}" of "{place.node.name}" keeps the value that its own socket shows'
+                f'"{place.socket.name}" of "{place.node.name}" keeps the value that its own socket shows',
+                topic="NODE",
             )
             own = place
         return _convert(ex.constant(own.socket.default_value), own.socket, place.socket)

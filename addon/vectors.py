@@ -54,7 +54,8 @@ def affine(place: Place, reader: NodeReader, source, unlinked: Affine) -> Affine
     if result is None:
         reader.messages.warn(
             f'{reader.owner}: the coordinates from "{node.name}" ({node.bl_label}, {output.socket.name}) '
-            f'cannot be read; "{place.node.name}" is looked up without them'
+            f'cannot be read; "{place.node.name}" is looked up without them',
+            topic="NODE",
         )
         return unlinked
     return result

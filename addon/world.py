@@ -120,7 +120,8 @@ class _WorldReader:
             return self._as_color(output)
         self.messages.warn(
             f'{self.owner}: the shader "{node.name}" ({node.bl_label}) has no meaning for a '
-            "background and is left out"
+            "background and is left out",
+            topic="NODE",
         )
         return ex.BLACK
 
@@ -129,7 +130,8 @@ class _WorldReader:
         if value is None:
             self.messages.warn(
                 f'{self.owner}: the node "{output.node.name}" ({output.node.bl_label}) cannot be '
-                "read; the background is black"
+                "read; the background is black",
+                topic="NODE",
             )
             return ex.BLACK
         return value if ex.channels(value) == 3 else ex.call("combine", value, value, value)
@@ -141,7 +143,8 @@ class _WorldReader:
         if node.image is None:
             self.messages.warn(
                 f'{self.owner}: the Environment Texture "{node.name}" has no image; '
-                "it shows magenta, as in Cycles"
+                "it shows magenta, as in Cycles",
+                topic="IMAGE",
             )
             return ex.constant((1.0, 0.0, 1.0))
         source = self.store.source(node.image, node.image_user, self.owner, self.messages)
