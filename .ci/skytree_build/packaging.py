@@ -7,6 +7,7 @@ import functools
 import os
 import platform
 import re
+import shutil
 import subprocess
 import tempfile
 import zipfile
@@ -69,6 +70,13 @@ def build_wheel() -> Path:
     return wheel
 
 
+def compiler_cache() -> dict[str, str]:
+    """Variables that let CMake use ccache where it is installed, also for another clone of the project."""
+    if not shutil.which("ccache"):
+        return {}
+    return {"CMAKE_CXX_COMPILER_LAUNCHER": "ccache", "CCACHE_BASEDIR": str(ROOT)}
+
+
 def platform_tag() -> str:
     """PEP 600's tag: whatever glibc the build machine has is an honest lower bound."""
     libc, version = platform.libc_ver()
@@ -82,7 +90,7 @@ def compile_wheel(tools: Path, wheel: Path, settings: dict) -> None:
     with tempfile.TemporaryDirectory(dir=BUILD) as made:
         command = [tools, "-m", "pip", "wheel", "-v", "--no-build-isolation", "--no-deps", "-w", made, ROOT]
         command += [f"--config-settings={key}={value}" for key, value in settings.items()]
-        run("Build skytree_core", command, PATH=f"{tools.parent}:{os.environ['PATH']}")
+        run("Build skytree_core", command, PATH=f"{tools.parent}:{os.environ['PATH']}", **compiler_cache())
         DIST.mkdir(exist_ok=True)
         for old in DIST.glob("skytree_core-*.whl"):
             old.unlink()
@@ -168,6 +176,8 @@ def build_native(folder: str, target: str, *settings: str) -> Path:
     """A CMake build of tests or benchmarks in build/`folder`; returns the program."""
     build = BUILD / folder
     with sole_builder():
-        run(f"Configure build/{folder}", ["cmake", "-S", ROOT, "-B", build, "-G", "Ninja", *settings])
-        run(f"Compile {target} in build/{folder}", ["cmake", "--build", build, "--target", target])
+        configure = ["cmake", "-S", ROOT, "-B", build, "-G", "Ninja", *settings]
+        run(f"Configure build/{folder}", configure, **compiler_cache())
+        compile_target = ["cmake", "--build", build, "--target", target]
+        run(f"Compile {target} in build/{folder}", compile_target, **compiler_cache())
     return build / "native" / target
