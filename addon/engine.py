@@ -11,8 +11,9 @@ import traceback
 import bpy
 import numpy as np
 
-from . import native, status
+from . import devices, native, status
 from .camera import CameraError, Film, camera_matrices, film_of
+from .devices import render_device
 from .messages import Messages
 from .sync import SceneSync
 from .viewport_engine import ViewportHooks
@@ -68,14 +69,13 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
         sync = SceneSync()
         sync.sync(depsgraph)
         sync.set_camera(*camera)
-        self._explain_device(settings, sync.messages)
         status.last.update(sync)
         self._report(sync.messages)
         if self.test_break():
             return
         sync_seconds = time.perf_counter() - started
 
-        session = native.core().RenderSession(threads=thread_count(scene.render))
+        session = native.core().RenderSession(thread_count(scene.render), render_device(settings))
         session.start(
             sync.scene,
             film.width,
@@ -94,6 +94,9 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             session.cancel()
         if session.error:
             raise RuntimeError(session.error)
+        if session.warning:
+            status.last.messages.warn(session.warning)
+            self.report({"WARNING"}, session.warning)
         bpy.app.driver_namespace["peer_stats"] = {"render_s": session.render_seconds, "sync_s": sync_seconds}
 
     def _follow(self, session, film: Film, samples: int, layer: str):
@@ -123,25 +126,10 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
         self.end_result(result)
         self._has_result = True
 
-    def _explain_device(self, settings, messages: Messages):
-        if settings.device == "CUDA":
-            messages.warn(f"{cuda_problem()}; the CPU renders instead")
-
     def _report(self, messages: Messages):
         for severity, text in messages:
             if severity != "INFO":
                 self.report({severity}, text)
-
-
-def cuda_problem() -> str | None:
-    """Why CUDA cannot be used, or None if it can."""
-    if any(device["type"] == "CUDA" for device in map(_device, native.core().devices())):
-        return None
-    return "No CUDA device is available to this version of Skytree"
-
-
-def _device(device) -> dict:
-    return device if isinstance(device, dict) else {"type": device.type, "name": device.name}
 
 
 def thread_count(render) -> int:
@@ -163,9 +151,11 @@ def _unregister_at_exit():
     # Blender 4.5 as a Python module waits forever in exit() while an engine written in Python is registered.
     with contextlib.suppress(RuntimeError):
         bpy.utils.unregister_class(SkytreeRenderEngine)
+    devices.unregister()
 
 
 def register():
+    devices.register()
     bpy.utils.register_class(SkytreeRenderEngine)
     atexit.register(_unregister_at_exit)
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 import bpy
 
 from . import status
-from .engine import SkytreeRenderEngine, cuda_problem
+from .devices import cuda_problem
+from .engine import SkytreeRenderEngine
 from .native import CoreUnavailableError
 from .presets import SKYTREE_PT_presets
 

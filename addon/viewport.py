@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import gpu_draw, native, status
+from .devices import render_device
 from .sync import SceneSync
 from .viewport_view import View
 
@@ -45,6 +46,7 @@ class RenderSettings:
     filter_width: float = 1.5
     film_transparent: bool = False
     threads: int = 0
+    device: str = "CPU"
 
     @classmethod
     def of(cls, scene) -> RenderSettings:
@@ -57,6 +59,7 @@ class RenderSettings:
             settings.filter_width,
             render.film_transparent,
             render.threads if render.threads_mode == "FIXED" else 0,
+            render_device(settings),
         )
 
     def options(self) -> dict:
@@ -93,7 +96,7 @@ class ViewportRenderer:
         self.before_upload: list[Callable[[], None]] = []  # for others that render the same scene
         self.seconds_per_sample = ASSUMED_SECONDS  # and pixel, wall clock
         self._session = None
-        self._threads = 0
+        self._workers = (0, "CPU")  # threads and device of the session
         self._view: View | None = None
         self._settings = RenderSettings()
         self._next: tuple[View, RenderSettings] | None = None
@@ -204,7 +207,10 @@ class ViewportRenderer:
             return "Building the sampler"
         if self._view is None:
             return "Nothing to show in the render border"
-        return f"Sample {self.samples_done}/{self.samples}"
+        line = f"Sample {self.samples_done}/{self.samples}"
+        if self._session is not None and self._session.warning:
+            line += f". {self._session.warning}"
+        return line
 
     # Drawing
 
@@ -270,9 +276,10 @@ class ViewportRenderer:
         return divisor
 
     def _start(self, divisor: int):
-        if self._session is None or self._threads != self._settings.threads:
-            self._session = native.core().RenderSession(threads=self._settings.threads)
-            self._threads = self._settings.threads
+        workers = self._settings.threads, self._settings.device
+        if self._session is None or self._workers != workers:
+            self._session = native.core().RenderSession(*workers)
+            self._workers = workers
         width, height, border = self._view.scaled(divisor)
         self.sync.set_camera(*self._view.matrices())
         samples = self._settings.samples if divisor == 1 else 1
