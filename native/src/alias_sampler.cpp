@@ -21,7 +21,7 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
   check_image(image);
   const int64_t count = (int64_t)width_ * height_;
   rows_ = make_row_warps(width_, height_);
-  entries_.reset(new AliasEntry[count]);
+  entries_ = LargeArray<AliasEntry>(count);
   const std::vector<double> solid_angles = row_solid_angles(width_, height_);
 
   TexelWeightRows rows(image);
@@ -29,7 +29,7 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
   for (int y = 0; y < height_; ++y) {
     const float* weights = rows.next();
     const float solid_angle = (float)solid_angles[y];
-    AliasEntry* row = entries_.get() + (int64_t)y * width_;
+    AliasEntry* row = entries_.data() + (int64_t)y * width_;
     double sum = 0;
     for (int x = 0; x < width_; ++x) {
       row[x].threshold = weights[x] * solid_angle;
@@ -43,10 +43,10 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
   for (int y = 0; y < height_; ++y) {
     const double even = total > 0 ? kEvenShare : solid_angles[y] * (double)count * kInvFourPi;
     const float to_pdf = (float)(1.0 / (solid_angles[y] * (double)count));
-    AliasEntry* row = entries_.get() + (int64_t)y * width_;
+    AliasEntry* row = entries_.data() + (int64_t)y * width_;
     for (int x = 0; x < width_; ++x) {
       row[x].threshold = (float)(row[x].threshold * scale + even);
-      row[x].alias = (uint32_t)(row + x - entries_.get());
+      row[x].alias = (uint32_t)(row + x - entries_.data());
       row[x].pdf = row[x].threshold * to_pdf;
     }
   }
@@ -87,7 +87,7 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
 EnvSamplerView AliasSampler::view() const {
   EnvSamplerView view;
   view.type = EnvSamplerType::ALIAS;
-  view.alias = {entries_.get(), rows_.data(), width_, height_};
+  view.alias = {entries_.data(), rows_.data(), width_, height_};
   return view;
 }
 

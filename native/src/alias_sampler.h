@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "src/environment_sampler.h"
+#include "src/large_array.h"
 
 namespace skytree {
 
@@ -20,7 +20,7 @@ class AliasSampler : public EnvironmentSampler {
 
  private:
   int width_, height_;
-  std::unique_ptr<AliasEntry[]> entries_;
+  LargeArray<AliasEntry> entries_;
   std::vector<RowWarp> rows_;
   double build_seconds_ = 0;
 };

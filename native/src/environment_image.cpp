@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "src/clones.h"
+
 namespace skytree {
 namespace {
 
@@ -37,8 +39,10 @@ std::string BadTexels::message() const {
   add(nan, "NaN");
   add(infinite, "infinite");
   add(negative, "negative");
-  return "environment map has " + std::to_string(total()) + " bad texels (" + kinds +
-         "); they count as black";
+  const bool one = total() == 1;
+  return "environment map has " + std::to_string(total()) +
+         (one ? " bad texel (" : " bad texels (") + kinds +
+         (one ? "); it counts as black" : "); they count as black");
 }
 
 void check_image(const LatLongImage& image) {
@@ -54,15 +58,23 @@ void check_image(const LatLongImage& image) {
   }
 }
 
-void luminance_row(const LatLongImage& image, int y, float* __restrict out, BadTexels* bad) {
-  const float* __restrict texels = image.texels + 3 * (int64_t)y * image.width;
-  int bad_count = 0;
-  for (int x = 0; x < image.width; ++x) {
-    const float* t = texels + 3 * x;
-    bad_count += !is_good_texel(t);
-    out[x] = texel_luminance(t);
+namespace {
+
+/// Whether a bad texel was met.
+SKY_CLONES bool read_luminance(const float* __restrict rgb, int count, float* __restrict out) {
+  int bad = 0;
+  for (int i = 0; i < count; ++i) {
+    bad |= !is_good_texel(rgb + 3 * i);
+    out[i] = texel_luminance(rgb + 3 * i);
   }
-  if (bad_count > 0) count_bad_row(texels, image.width, bad);
+  return bad;
+}
+
+}  // namespace
+
+void luminance_row(const LatLongImage& image, int y, float* out, BadTexels* bad) {
+  const float* texels = image.texels + 3 * (int64_t)y * image.width;
+  if (read_luminance(texels, image.width, out)) count_bad_row(texels, image.width, bad);
 }
 
 BadTexels count_bad_texels(const LatLongImage& image) {

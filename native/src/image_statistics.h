@@ -13,10 +13,10 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
+#include <unordered_map>
 #include <vector>
 
-#include "src/environment_image.h"
+#include "src/luminance_plane.h"
 
 namespace skytree {
 
@@ -27,14 +27,15 @@ enum class Statistics {
   PIXELS,    ///< the paper's: every pixel counts alike, with its own value
 };
 
+/// What is summed: L or L^2.
+enum class Quantity { POWER, SQUARE };
+
 /// Sums over texels. In Statistics::PIXELS the solid angle is the number of pixels.
 struct Moments {
   double power, square;
 };
 
 inline Moments operator+(Moments a, Moments b) { return {a.power + b.power, a.square + b.square}; }
-inline Moments operator-(Moments a, Moments b) { return {a.power - b.power, a.square - b.square}; }
-
 /// Texels [lo[0], hi[0]) x [lo[1], hi[1]); axis 0 is x, axis 1 is y.
 struct TexelRect {
   int32_t lo[2], hi[2];
@@ -43,6 +44,7 @@ struct TexelRect {
   int64_t area() const { return (int64_t)size(0) * size(1); }
 };
 
+/// For one thread: sums are remembered.
 class ImageStatistics {
  public:
   static constexpr int kTile = 16;
@@ -51,18 +53,19 @@ class ImageStatistics {
   ImageStatistics(const LatLongImage& image, Statistics statistics,
                   const std::function<void(double done)>& keep_going);
 
-  int extent(int axis) const { return axis == 0 ? image_.width : image_.height; }
+  int extent(int axis) const { return axis == 0 ? plane_.width() : plane_.height(); }
   Moments sum(const TexelRect& rect) const;
   /// Solid angle in steradians, or the number of pixels.
   double solid_angle(const TexelRect& rect) const {
     return rect.size(0) * (cumulative_rows_[rect.hi[1]] - cumulative_rows_[rect.lo[1]]);
   }
-  /// Sums over the slices of the rectangle at each coordinate of `axis`: out[i] belongs to
-  /// rect.lo[axis] + i. At most kTile slices.
-  void slices(const TexelRect& rect, int axis, Moments* out) const;
-  /// Sum over the rectangle for lo[axis] and hi[axis] on tile borders: two table rows, no texel is
-  /// read.
-  Moments aligned_sum(const TexelRect& rect, int axis) const;
+  /// One sum for each coordinate of `axis` in the rectangle, at most kTile of them: out[i] belongs
+  /// to rect.lo[axis] + i. The inner slices are what the tables know; adding the rim, read from the
+  /// image, makes them complete.
+  void inner_slices(const TexelRect& rect, int axis, Quantity quantity, double* out) const;
+  void add_rim_slices(const TexelRect& rect, int axis, Quantity quantity, double* out) const;
+  /// Sum over a rectangle with lo[axis] and hi[axis] on tile borders: from the tables alone.
+  double aligned_sum(const TexelRect& rect, int axis, Quantity quantity) const;
   /// Borders of tiles along an axis: multiples of kTile, and the end of the image.
   int first_border_from(int32_t coordinate) const { return (coordinate + kTile - 1) / kTile; }
   int last_border_until(int axis, int32_t coordinate) const {
@@ -70,25 +73,30 @@ class ImageStatistics {
   }
   int32_t border(int axis, int index) const;
 
+  const LuminancePlane& luminance() const { return plane_; }
   const BadTexels& bad_texels() const { return bad_; }
 
  private:
-  struct Patch;
-
-  void build(const std::function<void(double)>& keep_going);
+  void build(const LatLongImage& image, const std::function<void(double)>& keep_going);
+  TexelRect inner_part(const TexelRect& rect, int axis) const;
+  Moments aligned_moments(const TexelRect& rect, int axis) const;
   Moments thin_sum(const TexelRect& rect) const;
-  Moments texel_sum(const TexelRect& rect) const;
-  void load_patch(const TexelRect& rect, Patch* patch) const;
-  const Moments& table(int axis, int border, int coordinate) const {
-    return tables_[axis][(int64_t)border * (extent(axis) + 1) + coordinate];
-  }
+  /// Of at most kTile x kTile texels, read from the image; remembered, as a block's corners come up
+  /// again and again.
+  Moments corner_sum(const TexelRect& rect) const;
+  /// Values of texels [x, x + count) of row y; that row and its neighbours must have been read.
+  void moments_of_row(int x, int y, int count, Quantity quantity, float* out) const;
+  /// Values of a patch of at most kTile x kTile texels, rows kTile apart.
+  void load_patch(const TexelRect& rect, Quantity quantity, float* values) const;
 
-  LatLongImage image_;
+  LuminancePlane plane_;
   Statistics statistics_;
   std::vector<double> row_weights_;      // of a texel
   std::vector<double> cumulative_rows_;  // height + 1
-  // tables_[a]: exact along a, tile borders along the other axis; sums from the image's origin.
-  std::unique_ptr<Moments[]> tables_[2];
+  // tables_[quantity][a]: exact along axis a, tile borders along the other; sums from the image's
+  // origin.
+  LargeArray<double> tables_[2][2];
+  mutable std::unordered_map<uint64_t, Moments> corners_;
   BadTexels bad_;
 };
 

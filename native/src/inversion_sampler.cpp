@@ -44,10 +44,10 @@ InversionSampler::InversionSampler(const LatLongImage& image, bool guided)
   check_image(image);
   const int width = width_, height = height_;
   const int64_t texels = (int64_t)width * height;
-  conditional_.reset(new float[texels + height]);
+  conditional_ = LargeArray<float>(texels + height);
   if (guided) {
     marginal_guide_.resize(height);
-    conditional_guide_.reset(new uint16_t[texels]);
+    conditional_guide_ = LargeArray<uint16_t>(texels);
   }
   rows_ = make_row_warps(width, height);
   const std::vector<double> solid_angles = row_solid_angles(width, height);
@@ -60,9 +60,9 @@ InversionSampler::InversionSampler(const LatLongImage& image, bool guided)
     double sum = 0;
     for (int x = 0; x < width; ++x) sums[x] = sum += weights[x];
     row_sums[y] = total += sum * solid_angles[y];
-    float* cdf = conditional_.get() + (int64_t)y * (width + 1);
+    float* cdf = conditional_.data() + (int64_t)y * (width + 1);
     quantize_cdf(sums.data(), width, cdf);
-    if (guided) make_guide(cdf, width, conditional_guide_.get() + (int64_t)y * width);
+    if (guided) make_guide(cdf, width, conditional_guide_.data() + (int64_t)y * width);
   }
   if (total <= 0) {  // black: by solid angle
     double sum = 0;
@@ -77,23 +77,21 @@ InversionSampler::InversionSampler(const LatLongImage& image, bool guided)
 
 EnvSamplerView InversionSampler::view() const {
   EnvSamplerView view;
-  view.type =
-      conditional_guide_ ? EnvSamplerType::INVERSION_GUIDED : EnvSamplerType::INVERSION_BINARY;
+  view.type = !conditional_guide_.empty() ? EnvSamplerType::INVERSION_GUIDED
+                                          : EnvSamplerType::INVERSION_BINARY;
   view.inversion = {marginal_.data(),
-                    conditional_.get(),
+                    conditional_.data(),
                     rows_.data(),
                     marginal_guide_.data(),
-                    conditional_guide_.get(),
+                    conditional_guide_.data(),
                     width_,
                     height_};
   return view;
 }
 
 size_t InversionSampler::nbytes() const {
-  const size_t texels = (size_t)width_ * height_;
-  const size_t guide = conditional_guide_ ? (texels + height_) * sizeof(uint16_t) : 0;
-  return marginal_.size() * sizeof(float) + (texels + height_) * sizeof(float) +
-         rows_.size() * sizeof(RowWarp) + guide;
+  return marginal_.size() * sizeof(float) + conditional_.nbytes() + rows_.size() * sizeof(RowWarp) +
+         marginal_guide_.size() * sizeof(uint16_t) + conditional_guide_.nbytes();
 }
 
 }  // namespace skytree

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "src/environment_sampler.h"
+#include "src/large_array.h"
 
 namespace skytree {
 
@@ -23,10 +23,10 @@ class InversionSampler : public EnvironmentSampler {
  private:
   int width_, height_;
   std::vector<float> marginal_;
-  std::unique_ptr<float[]> conditional_;  // uninitialised storage: every value is written once
+  LargeArray<float> conditional_;
   std::vector<RowWarp> rows_;
   std::vector<uint16_t> marginal_guide_;
-  std::unique_ptr<uint16_t[]> conditional_guide_;
+  LargeArray<uint16_t> conditional_guide_;
   double build_seconds_ = 0;
 };
 

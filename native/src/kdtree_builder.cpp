@@ -33,7 +33,8 @@ class Builder {
         criterion_(criterion),
         progress_(progress),
         statistics_(image, statistics, [this](double done) { report(kShareOfReading * done); }) {
-    if (criterion == SplitCriterion::RANGE) ranges_ = std::make_unique<RangeTable>(image);
+    if (criterion == SplitCriterion::RANGE)
+      ranges_ = std::make_unique<RangeTable>(statistics_.luminance());
   }
 
   BuildTree run() {

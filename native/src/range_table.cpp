@@ -6,32 +6,28 @@
 
 namespace skytree {
 
-RangeTable::RangeTable(const LatLongImage& image)
-    : image_(image), columns_((image.width + kTile - 1) / kTile) {
-  const int rows = (image.height + kTile - 1) / kTile;
-  tiles_.assign((size_t)columns_ * rows, {FLT_MAX, 0.0f});
-  std::vector<float> luminance(image.width);
-  BadTexels ignored;
-  for (int y = 0; y < image.height; ++y) {
-    luminance_row(image, y, luminance.data(), &ignored);
-    Bounds* row = &tiles_[(size_t)(y / kTile) * columns_];
-    for (int x = 0; x < image.width; ++x) {
-      Bounds& tile = row[x / kTile];
-      tile.smallest = std::min(tile.smallest, luminance[x]);
-      tile.largest = std::max(tile.largest, luminance[x]);
+RangeTable::RangeTable(const LuminancePlane& luminance)
+    : luminance_(luminance), columns_((luminance.width() + kTile - 1) / kTile) {
+  const int width = luminance.width(), height = luminance.height();
+  tiles_.assign((size_t)columns_ * ((height + kTile - 1) / kTile), {FLT_MAX, 0.0f});
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; x += kTile) {
+      Bounds* tile = &tiles_[(size_t)(y / kTile) * columns_ + x / kTile];
+      include_texels({{x, y}, {std::min(x + kTile, width), y + 1}}, tile);
     }
   }
 }
 
 void RangeTable::include_texels(const TexelRect& rect, Bounds* bounds) const {
+  float smallest = bounds->smallest, largest = bounds->largest;
   for (int y = rect.lo[1]; y < rect.hi[1]; ++y) {
-    const float* row = image_.texels + 3 * (int64_t)y * image_.width;
+    const float* row = luminance_.row(y);
     for (int x = rect.lo[0]; x < rect.hi[0]; ++x) {
-      const float l = texel_luminance(row + 3 * (int64_t)x);
-      bounds->smallest = std::min(bounds->smallest, l);
-      bounds->largest = std::max(bounds->largest, l);
+      smallest = row[x] < smallest ? row[x] : smallest;
+      largest = row[x] > largest ? row[x] : largest;
     }
   }
+  *bounds = {smallest, largest};
 }
 
 double RangeTable::range(const TexelRect& rect) const {

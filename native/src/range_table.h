@@ -11,7 +11,8 @@ namespace skytree {
 /// from a table, the rest from the image.
 class RangeTable {
  public:
-  explicit RangeTable(const LatLongImage& image);
+  /// Keeps a reference to the plane.
+  explicit RangeTable(const LuminancePlane& luminance);
 
   /// Largest minus smallest.
   double range(const TexelRect& rect) const;
@@ -24,7 +25,7 @@ class RangeTable {
 
   void include_texels(const TexelRect& rect, Bounds* bounds) const;
 
-  LatLongImage image_;
+  const LuminancePlane& luminance_;
   int columns_;
   std::vector<Bounds> tiles_;
 };

@@ -7,22 +7,27 @@
 #include "src/split_criterion.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 
 namespace skytree {
 namespace {
 
+// n is the solid angle, q the quantity of the first and the second part.
+
 struct PooledVariance {
-  static double score(double n1, const Moments& first, double n2, const Moments& second) {
-    return first.power * first.power / n1 + second.power * second.power / n2;
+  static constexpr Quantity kQuantity = Quantity::POWER;
+  static double of(const Moments& moments) { return moments.power; }
+  static double score(double n1, double q1, double n2, double q2) {
+    return q1 * q1 / n1 + q2 * q2 / n2;
   }
 };
 
 struct MinVariance {
-  static double score(double n1, const Moments& first, double n2, const Moments& second) {
-    return -(std::sqrt(n1 * first.square) + std::sqrt(n2 * second.square));
+  static constexpr Quantity kQuantity = Quantity::SQUARE;
+  static double of(const Moments& moments) { return moments.square; }
+  static double score(double n1, double q1, double n2, double q2) {
+    return -(std::sqrt(n1 * q1) + std::sqrt(n2 * q2));
   }
 };
 
@@ -30,11 +35,17 @@ template <typename Criterion>
 class SplitSearch {
  public:
   SplitSearch(const ImageStatistics& statistics, const TexelRect& rect)
-      : statistics_(statistics), rect_(rect) {}
+      : statistics_(statistics), rect_(rect), solid_angle_(statistics.solid_angle(rect)) {}
 
   Split run() {
     search_axis(0);
     search_axis(1);
+    if (best_.axis >= 0) {
+      TexelRect first = rect_, second = rect_;
+      first.hi[best_.axis] = second.lo[best_.axis] = best_.position;
+      best_.first = statistics_.sum(first);
+      best_.second = statistics_.sum(second);
+    }
     return best_;
   }
 
@@ -45,13 +56,16 @@ class SplitSearch {
     return statistics_.solid_angle(part);
   }
 
-  void consider(int axis, int32_t position, const Moments& first, const Moments& second) {
-    const double n1 = solid_angle_before(axis, position);
-    const double n2 = statistics_.solid_angle(rect_) - n1;
-    const double score = Criterion::score(n1, first, n2, second);
+  void consider(int axis, int32_t position, double before, double after) {
+    const double n = solid_angle_before(axis, position);
+    const double score = Criterion::score(n, before, solid_angle_ - n, after);
     const bool better = best_.axis < 0 || score > best_.score ||
                         (score == best_.score && axis == best_.axis && position < best_.position);
-    if (better) best_ = {axis, position, score, first, second};
+    if (better) {
+      best_.axis = axis;
+      best_.position = position;
+      best_.score = score;
+    }
   }
 
   void search_axis(int axis) {
@@ -63,17 +77,18 @@ class SplitSearch {
     }
     cuts_.push_back(hi);
     const int tiles = (int)cuts_.size() - 1;
-    before_.assign(tiles + 1, Moments{});
-    after_.assign(tiles + 1, Moments{});
+    before_.assign(tiles + 1, 0.0);
+    after_.assign(tiles + 1, 0.0);
     for (int i = 0; i < tiles; ++i) {
       TexelRect part = rect_;
       part.lo[axis] = cuts_[i];
       part.hi[axis] = cuts_[i + 1];
       const bool aligned = i > 0 && i + 1 < tiles;
-      after_[i] = aligned ? statistics_.aligned_sum(part, axis) : statistics_.sum(part);
+      after_[i] = aligned ? statistics_.aligned_sum(part, axis, Criterion::kQuantity)
+                          : Criterion::of(statistics_.sum(part));
       before_[i + 1] = before_[i] + after_[i];
     }
-    for (int i = tiles - 1; i >= 0; --i) after_[i] = after_[i] + after_[i + 1];
+    for (int i = tiles - 1; i >= 0; --i) after_[i] += after_[i + 1];
     for (int i = 1; i < tiles; ++i) consider(axis, cuts_[i], before_[i], after_[i]);
     for (int i = 0; i < tiles; ++i) {
       if (cuts_[i + 1] - cuts_[i] >= 2 && may_improve(axis, i)) search_tile(axis, i);
@@ -81,40 +96,60 @@ class SplitSearch {
   }
 
   bool may_improve(int axis, int tile) const {
-    if (best_.axis < 0) return true;
-    const double total = statistics_.solid_angle(rect_);
-    const double n[2] = {solid_angle_before(axis, cuts_[tile] + 1),
-                         solid_angle_before(axis, cuts_[tile + 1] - 1)};
     double bound = -INFINITY;
-    for (int end = tile; end <= tile + 1; ++end) {
-      for (double n1 : n) {
-        bound = std::max(bound, Criterion::score(n1, before_[end], total - n1, after_[end]));
+    for (int32_t position : {cuts_[tile] + 1, cuts_[tile + 1] - 1}) {
+      const double n = solid_angle_before(axis, position);
+      for (int end = tile; end <= tile + 1; ++end) {
+        bound = std::max(bound, Criterion::score(n, before_[end], solid_angle_ - n, after_[end]));
       }
     }
-    return bound + 1e-6 * std::abs(bound) >= best_.score;  // the margin covers rounding of sums
+    return may_win(bound);
   }
 
+  /// With a margin for rounding of single-precision sums.
+  bool may_win(double bound) const {
+    return best_.axis < 0 || bound + 1e-6 * std::abs(bound) >= best_.score;
+  }
+
+  /// Between the tile's borders only the rim of the slices is unknown before the image is read, and
+  /// of that the sum is known: it lies somewhere between all before and all behind a plane.
   void search_tile(int axis, int tile) {
     TexelRect part = rect_;
     part.lo[axis] = cuts_[tile];
     part.hi[axis] = cuts_[tile + 1];
     const int count = part.size(axis);
-    std::array<Moments, ImageStatistics::kTile> slices, after;
-    statistics_.slices(part, axis, slices.data());
-    Moments sum = after_[tile + 1];
-    for (int i = count - 1; i > 0; --i) after[i] = sum = sum + slices[i];
-    sum = before_[tile];
+    double slices[ImageStatistics::kTile];
+    statistics_.inner_slices(part, axis, Criterion::kQuantity, slices);
+    double inner = 0;
+    for (int i = 0; i < count; ++i) inner += slices[i];
+    const double rim = std::max(before_[tile + 1] - before_[tile] - inner, 0.0);
+    bool worth_reading = false;
+    double before = before_[tile], after = after_[tile + 1] + inner;
     for (int i = 1; i < count; ++i) {
-      sum = sum + slices[i - 1];
-      consider(axis, part.lo[axis] + i, sum, after[i]);
+      before += slices[i - 1];
+      after = std::max(after - slices[i - 1], after_[tile + 1]);
+      const double n = solid_angle_before(axis, cuts_[tile] + i);
+      worth_reading |= may_win(Criterion::score(n, before, solid_angle_ - n, after + rim)) ||
+                       may_win(Criterion::score(n, before + rim, solid_angle_ - n, after));
+    }
+    if (!worth_reading) return;
+    statistics_.add_rim_slices(part, axis, Criterion::kQuantity, slices);
+    double behind[ImageStatistics::kTile];
+    after = after_[tile + 1];
+    for (int i = count - 1; i > 0; --i) behind[i] = after += slices[i];
+    before = before_[tile];
+    for (int i = 1; i < count; ++i) {
+      before += slices[i - 1];
+      consider(axis, cuts_[tile] + i, before, behind[i]);
     }
   }
 
   const ImageStatistics& statistics_;
   const TexelRect rect_;
+  const double solid_angle_;
   Split best_;
   std::vector<int32_t> cuts_;
-  std::vector<Moments> before_, after_;  // of each cut
+  std::vector<double> before_, after_;  // of each cut
 };
 
 }  // namespace
