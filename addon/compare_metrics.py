@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import latlong
+
 TRIMMED_SHARE = 0.001
 RELMSE_FLOOR = 0.01
 ROWS_PER_CHUNK = 64
@@ -79,24 +81,26 @@ def efficiency(nrmse_tc: float, seconds: float) -> float | None:
     return 1.0 / cost if cost > 0 else None
 
 
-def sampler_figures(sampler, image: np.ndarray, directions_of_rows) -> dict[str, float] | None:
-    """How well a sampler's pdf fits its map (H,W,3), at texel centres; None for a black map.
+def sampler_figures(sampler, image: np.ndarray, points: int = 2) -> dict[str, float] | None:
+    """How well a sampler's pdf fits the bilinearly interpolated map (H,W,3), at points x points places in
+    each texel; None for a black map.
 
     With w = L/pdf (mean of the channels) and m = the integral of L over the sphere, its expectation:
 
     largest_weight    max w / m: 1 for a perfect sampler; the brightest firefly that a light sample can be
     sample_variance   (integral of w L) / m^2 - 1: relative variance of one light sample, unoccluded
-
-    `directions_of_rows(height, width, slice)` gives the (rows, width, 3) unit directions of texel centres.
     """
-    height, width = image.shape[:2]
+    image = usable_radiance(image)
+    height, width = points * image.shape[0], points * image.shape[1]
     edges = np.cos(np.linspace(0.0, np.pi, height + 1))
     solid_angle = (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
+    u = (np.arange(width) + 0.5) / width
     total = second_moment = largest = 0.0
     for start in range(0, height, ROWS_PER_CHUNK):
         rows = slice(start, min(start + ROWS_PER_CHUNK, height))
-        radiance = usable_radiance(image[rows]).mean(axis=2, dtype=np.float64)
-        directions = directions_of_rows(height, width, rows).reshape(-1, 3)
+        v = (np.arange(height)[rows, None] + 0.5) / height
+        radiance = latlong.lookup(image, *np.broadcast_arrays(u, v)).mean(axis=2, dtype=np.float64)
+        directions = latlong.texel_directions(height, width, rows).reshape(-1, 3)
         pdf = sampler.pdf(np.ascontiguousarray(directions, np.float32)).reshape(radiance.shape)
         weight = np.divide(radiance, pdf, out=np.full_like(radiance, np.inf), where=pdf > 0)
         weight[radiance == 0] = 0.0

@@ -89,9 +89,20 @@ def _draw_over():
         context = bpy.context
         if _is_shown(context):
             view, compared = view_in(context.region), context.scene.skytree_compare
-            compare_draw.draw_over(view, compared, free_rectangle(context.area, context.region))
+            compare_draw.draw_over(view, compared, _uncovered(context))
     except Exception:  # A handler that raises would fill the console at every redraw.
         traceback.print_exc()
+
+
+def _uncovered(context) -> tuple[int, int, int, int]:
+    """x, y, width, height of what headers, sidebars, Blender's own text and its navigation gizmo leave."""
+    x, y, width, height = free_rectangle(context.area, context.region)
+    space, scale = context.space_data, context.preferences.system.ui_scale
+    if space.overlay.show_overlays and space.overlay.show_text:
+        height -= round(50 * scale)
+    if space.show_gizmo and space.show_gizmo_navigate:
+        width -= round(96 * scale)
+    return x, y, width, height
 
 
 class SKYTREE_OT_compare_drag(bpy.types.Operator):

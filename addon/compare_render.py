@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import latlong, native
+from . import native
 from .camera import Film, camera_matrices, film_of
 from .compare_methods import REFERENCE_SEEDS, Clock, Method
 from .compare_metrics import Reference, sampler_figures
@@ -128,7 +128,7 @@ class Renderer:
             if value is not None and math.isfinite(value):
                 told[name] = value
         if built.image is not None:
-            told |= sampler_figures(built.sampler, built.image, latlong.texel_directions) or {}
+            told |= sampler_figures(built.sampler, built.image) or {}
         return told
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import gpu_draw, latlong, native
+from . import gpu_draw, native
 from .compare_methods import REFERENCE_SEEDS, Clock, Method, method_of
 from .compare_metrics import Reference, sampler_figures
 from .compare_report import Step, make_step
@@ -345,7 +345,7 @@ class CompareView:
         built = side.sampler.result()
         if built.image is None:
             return None
-        return self._worker.submit(sampler_figures, built.sampler, built.image, latlong.texel_directions)
+        return self._worker.submit(sampler_figures, built.sampler, built.image)
 
     def _show_reference(self, side: Side):
         if side.method is not None:
