@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .cuda import cuda_test_environment
 from .environments import BLENDERS, blender_module, environment, find_python, left_out, require_packages
 from .packaging import build_native, build_wheel, install_wheel, package
 from .steps import BUILD, ROOT, BuildError, Finished, relative, run
@@ -183,6 +185,8 @@ TEST_PARTS: dict[str, Callable[[], Outcome]] = {
 def run_tests(parts: list[str]) -> int:
     """Runs every part even if one fails; returns the number of failures."""
     outcomes: dict[str, Outcome] = {}
+    if any(part.startswith(("core", "python", "blender")) for part in parts or TEST_PARTS):
+        os.environ.update(cuda_test_environment())
     for part in parts or TEST_PARTS:
         try:
             outcomes[part] = TEST_PARTS[part]()
