@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,33 +69,38 @@ def render_all(order: Order, out: Path, cache: Path, progress: Progress) -> Rend
     Raises BlenderError when Blender fails.
     """
     reference = [cache / f"reference-{order.reference_key()}-{half}.exr" for half in "ab"]
-    partial = [file.with_suffix(".part.exr") for file in reference]
     images = {name: out / f"{name}.exr" for name in order.methods}
     jobs = [
         {"name": name, "samples": order.quality.samples, "seed": order.seed, "settings": settings}
         | {"exr": str(images[name].resolve())}
         for name, settings in order.methods.items()
     ]
-    if not all(file.exists() for file in reference):
+    missing = {f"reference {file.stem[-1]}": file for file in reference if not file.exists()}
+    for name, file in missing.items():
         # A sampler that is not under test, and seeds of its own: the reference shares no noise with an image.
+        seed = order.seed + 1001 + reference.index(file)
         jobs += [
-            {"name": f"reference {half}", "samples": order.quality.reference_samples}
-            | {"seed": order.seed + 1001 + number, "settings": {"sampler": "ALIAS"}}
-            | {"exr": str(partial[number].resolve())}
-            for number, half in enumerate("ab")
+            {"name": name, "samples": order.quality.reference_samples, "seed": seed}
+            | {"settings": {"sampler": "ALIAS"}, "exr": str(_partial(file).resolve())}
         ]
     for job in jobs:
         Path(job["exr"]).unlink(missing_ok=True)
     rendered = Rendered(images, reference, {}, {})
-    _run_blender(order, jobs, cache, rendered, progress)
-    for source, target in zip(partial, reference, strict=True):
-        if source.exists():
-            source.rename(target)
+    for name in _rendered_names(order, jobs, cache, rendered, progress):
+        if name in missing:
+            _partial(missing[name]).rename(missing[name])
     return rendered
 
 
-def _run_blender(order: Order, jobs: list[dict], cache: Path, rendered: Rendered, progress: Progress) -> None:
-    """Renders the jobs, moves a bar for each, fills in times and versions."""
+def _partial(file: Path) -> Path:
+    """Where Blender writes first, so that an interrupted run leaves no broken reference."""
+    return file.with_suffix(".part.exr")
+
+
+def _rendered_names(
+    order: Order, jobs: list[dict], cache: Path, rendered: Rendered, progress: Progress
+) -> Iterator[str]:
+    """Renders the jobs, moves a bar for each, fills in times and versions; yields the name of what is done."""
     quality = order.quality
     description = {
         "zip": str(order.addon.resolve()),
@@ -116,12 +122,13 @@ def _run_blender(order: Order, jobs: list[dict], cache: Path, rendered: Rendered
         if event == "progress":
             progress.update(bars[name], completed=totals[name] * told["done"] / max(told["total"], 1))
             continue
-        if event == "installed":
-            rendered.versions.update(told)
-        else:
-            rendered.times[name] = told
         progress.update(bars[name], completed=totals[name])
         progress.stop_task(bars[name])
         names.remove(name)
         if names:
             progress.start_task(bars[names[0]])
+        if event == "installed":
+            rendered.versions.update(told)
+        else:
+            rendered.times[name] = told
+            yield name
