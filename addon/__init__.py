@@ -32,6 +32,7 @@ from . import (  # noqa: E402
     floating,
     panels,
     presets,
+    problems,
     properties,
 )
 
@@ -40,6 +41,7 @@ _MODULES = (
     presets,
     engine,
     panels,
+    problems,
     floating,
     compare_props,
     compare_ops,

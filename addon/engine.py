@@ -16,6 +16,7 @@ from .camera import CameraError, Film, camera_matrices, film_of
 from .devices import render_device
 from .messages import Messages
 from .sync import SceneSync
+from .thumbnails import render_thumbnail
 from .viewport_engine import ViewportHooks
 
 POLL_SECONDS = 0.05
@@ -29,6 +30,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
     bl_label = "Skytree"
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
+    bl_use_preview = True
 
     def render(self, depsgraph):
         """Called by Blender once for every view layer; whatever fails becomes a message."""
@@ -51,13 +53,17 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             # Blender crashes when it is to save a picture that no engine has written.
             film = film_of(depsgraph.scene_eval.render)
             width, height = film.region_size
-            self._write(np.zeros((height, width, 4), np.float32), film, depsgraph.view_layer.name)
+            self.write(np.zeros((height, width, 4), np.float32), film, depsgraph.view_layer.name)
 
     def _fail(self, text: str):
-        status.last.messages.error(text)
+        if not self.is_preview:
+            status.last.messages.error(text)
         self.error_set(text)
 
     def _render(self, depsgraph):
+        if self.is_preview:
+            render_thumbnail(self, depsgraph)
+            return
         scene = depsgraph.scene_eval
         settings = scene.skytree
         status.last.messages.clear()
@@ -112,14 +118,14 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             self.update_progress(done / samples)
             self.update_stats("", f"Skytree: sample {done}/{samples}")
             if not bpy.app.background and done and now - last_update > interval:
-                self._write(session.pixels(), film, layer)
+                self.write(session.pixels(), film, layer)
                 last_update = time.perf_counter()
                 interval = max(FIRST_UPDATE_SECONDS, UPDATE_SHARE * (last_update - started))
         if session.error is None and session.samples_done:
-            self._write(session.pixels(), film, layer)
+            self.write(session.pixels(), film, layer)
             self.update_progress(session.samples_done / samples)
 
-    def _write(self, pixels: np.ndarray, film: Film, layer: str):
+    def write(self, pixels: np.ndarray, film: Film, layer: str):
         width, height = film.region_size
         result = self.begin_result(0, 0, width, height, layer=layer)
         set_pass(result.layers[0].passes["Combined"], pixels)
@@ -151,7 +157,6 @@ def _unregister_at_exit():
     # Blender 4.5 as a Python module waits forever in exit() while an engine written in Python is registered.
     with contextlib.suppress(RuntimeError):
         bpy.utils.unregister_class(SkytreeRenderEngine)
-    devices.unregister()
 
 
 def register():
@@ -163,3 +168,4 @@ def register():
 def unregister():
     atexit.unregister(_unregister_at_exit)
     bpy.utils.unregister_class(SkytreeRenderEngine)
+    devices.unregister()

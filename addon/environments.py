@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from . import native
+from .map_figures import MapFigures, map_figures
 from .messages import Messages
 from .world import Environment
 
@@ -58,6 +59,7 @@ class Environments:
     def __init__(self):
         self.builds = 0
         self._maps: OrderedDict = OrderedDict()
+        self._figures: OrderedDict = OrderedDict()
         self._built: OrderedDict[tuple, Future] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -73,9 +75,14 @@ class Environments:
         """A future BuiltEnvironment: what is not there yet is built on a thread of its own."""
         return self._future(environment, settings, _on_a_thread)
 
+    def figures(self, environment: Environment) -> MapFigures | None:
+        """What the map is like; None before a sampler was built for it."""
+        return self._figures.get(environment.expression)
+
     def clear(self):
         with self._lock:
             self._maps.clear()
+            self._figures.clear()
             self._built.clear()
 
     def _future(self, environment: Environment, settings: SamplerSettings, run) -> Future:
@@ -125,6 +132,14 @@ class Environments:
         size = (0, 0) if image is None else (image.shape[1], image.shape[0])
         seconds = time.perf_counter() - start
         future.set_result(BuiltEnvironment(image, sampler, settings, name, size, seconds, messages))
+        if image is not None and key[0] not in self._figures:
+            _on_a_thread(lambda: self._judge(key[0], image))  # nobody waits for it
+
+    def _judge(self, expression, image):
+        figures = map_figures(image)
+        with self._lock:
+            self._figures[expression] = figures
+            _touch(self._figures, expression, MAX_SAMPLERS)
 
     def _fail(self, key, future: Future, error: BaseException):
         with self._lock:

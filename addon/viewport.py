@@ -95,6 +95,7 @@ class ViewportRenderer:
         self.problem = ""
         self.before_upload: list[Callable[[], None]] = []  # for others that render the same scene
         self.seconds_per_sample = ASSUMED_SECONDS  # and pixel, wall clock
+        self.first_picture_seconds = 0.0  # from the last change to its first picture
         self._session = None
         self._workers = (0, "CPU")  # threads and device of the session
         self._view: View | None = None
@@ -103,6 +104,7 @@ class ViewportRenderer:
         self._stale = False  # the session does not render what it should
         self._divisor = 0  # of the step that is being rendered; 0: none
         self._taken = 0  # samples of the step that `picture` holds
+        self._awaits_first = False
         self._asked = self._uploaded = 0.0
         self._texture: tuple[Picture, object] | None = None
         alive.add(self)
@@ -262,7 +264,7 @@ class ViewportRenderer:
             return
         self._stale = False
         self.problem = ""
-        self._asked = time.perf_counter()
+        self._asked, self._awaits_first = time.perf_counter(), True
         with self._reporting():
             self._start(self._first_divisor())
 
@@ -315,6 +317,8 @@ class ViewportRenderer:
         if running and self._taken and now - self._uploaded < REFINEMENT_SECONDS:
             return False
         self.picture = Picture(self._session.pixels(), self._view, self._divisor, done, now - self._asked)
+        if self._awaits_first:
+            self._awaits_first, self.first_picture_seconds = False, self.picture.seconds
         self._taken, self._uploaded = done, now
         return True
 

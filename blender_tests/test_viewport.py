@@ -12,7 +12,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-
 import scenes
 from scenes import part
 
