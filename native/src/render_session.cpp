@@ -26,6 +26,14 @@ double thread_cpu_seconds() {
 /// A power of two, so that passes also end where the point set is complete.
 constexpr int kMaxPassSamples = 16;
 
+/// The first sample of a pass: 0, 1, 2, 4, 8, 16, 32, 48, ...: a first picture soon, then fewer
+/// interruptions.
+int64_t pass_begin(uint64_t pass) {
+  if (pass == 0) return 0;
+  if (pass <= 5) return int64_t(1) << (pass - 1);
+  return int64_t(pass - 4) * kMaxPassSamples;
+}
+
 void check_options(const RenderOptions& o) {
   auto require = [](bool ok, const char* message) {
     if (!ok) throw std::invalid_argument(message);
@@ -103,15 +111,9 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
 
 /// The passes that are left once `done` samples are rendered.
 void RenderSession::plan_passes(int done) {
-  passes_.clear();
-  // 1, 1, 2, 4, ...: the first picture soon, and always whole powers of two done.
-  while (done < options_.samples) {
-    const int count = std::min({std::max(done, 1), kMaxPassSamples, options_.samples - done});
-    passes_.push_back({options_.first_sample + done, count});
-    done += count;
-  }
+  cpu_begin_ = done;
   tile_passes_.reset(new std::atomic<int>[tiles_x_ * tiles_y_]());
-  pass_tiles_.reset(new std::atomic<int>[passes_.size()]());
+  pass_tiles_.reset(new std::atomic<int>[pass_slots()]());
 }
 
 /// Calls visit(first pixel, count) for each row of pixels in each tile, the tile's lock held.
@@ -251,7 +253,7 @@ bool RenderSession::render_on_device() {
   std::lock_guard<std::mutex> lock(mutex_);
   stats_.device = device_->name();
   if (failure.empty()) {
-    passes_.clear();
+    plan_passes(options_.samples);
     return true;
   }
   warning_ = failure + " The CPU finishes the frame.";
@@ -284,28 +286,32 @@ void RenderSession::render_tiles() {
   uint64_t rays = 0;
   while (!cancel_) {
     const uint64_t item = next_item_++;
-    const size_t pass = size_t(item / tiles);
-    if (pass >= passes_.size()) break;
+    const uint64_t pass = item / tiles;
+    const int64_t begin = cpu_begin_ + pass_begin(pass);
+    const int64_t end = std::min<int64_t>(cpu_begin_ + pass_begin(pass + 1), options_.samples);
+    if (begin >= options_.samples) break;
     const int tile = int(item % tiles);
     // Sums are taken in the order of the samples, whichever thread takes them.
     while (tile_passes_[tile].load(std::memory_order_acquire) != int(pass) && !cancel_)
       std::this_thread::yield();
     const int tile_x = first_tile_x_ + tile % tiles_x_, tile_y = first_tile_y_ + tile / tiles_x_;
     bool complete = true;
-    for (int i = 0; i < passes_[pass].count; ++i) {
+    for (int64_t i = begin; i < end; ++i) {
       if (cancel_) {
         complete = false;
         break;
       }
-      rays += render_tile_(job_, tile_x, tile_y, uint32_t(passes_[pass].first + i), scratch.get(),
+      rays += render_tile_(job_, tile_x, tile_y, uint32_t(options_.first_sample + i), scratch.get(),
                            sample.get());
       accumulate(*sample, tile_x, tile_y);
     }
     if (!complete) break;
     tile_passes_[tile].store(int(pass) + 1, std::memory_order_release);
-    if (uint64_t(++pass_tiles_[pass]) == tiles) {
+    std::atomic<int>& finished = pass_tiles_[pass % pass_slots()];
+    if (uint64_t(++finished) == tiles) {
+      finished = 0;
       // A tile's passes follow each other, so the passes before this one are complete too.
-      const int done = passes_[pass].first - options_.first_sample + passes_[pass].count;
+      const int done = int(end);
       int before = samples_done_.load();
       while (before < done && !samples_done_.compare_exchange_weak(before, done)) {
       }

@@ -79,15 +79,13 @@ class RenderSession {
     double alpha = 0;
     uint32_t count = 0;
   };
-  struct Pass {
-    int first, count;
-  };
-
   void worker(int index);
   void lead();
   bool render_on_device();
   void take_device_film(const FilmPixel* film, int samples_done, const PassCounters& counters);
   void plan_passes(int done);
+  /// More than passes can be under way: each thread waits in at most one.
+  size_t pass_slots() const { return threads_.size() + 2; }
   template <class Visit>
   void for_each_tile_row(Visit visit) const;
   void render_tiles();
@@ -115,10 +113,10 @@ class RenderSession {
   std::atomic<int> samples_done_{0};
 
   int tiles_x_ = 0, tiles_y_ = 0, first_tile_x_ = 0, first_tile_y_ = 0;
-  std::vector<Pass> passes_;
+  int cpu_begin_ = 0;  // samples that a device had done when the threads took over
   std::atomic<uint64_t> next_item_{0};
   std::unique_ptr<std::atomic<int>[]> tile_passes_;  // passes finished, by tile
-  std::unique_ptr<std::atomic<int>[]> pass_tiles_;   // tiles finished, by pass
+  std::unique_ptr<std::atomic<int>[]> pass_tiles_;   // tiles finished, by pass modulo pass_slots()
   mutable std::mutex film_locks_[64];
   std::vector<Pixel> film_;
 };

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Whole renders: energy, agreement of the samplers, determinism, cameras, transforms.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "src/alias_sampler.h"
+#include "src/inversion_sampler.h"
+#include "src/kdtree_sampler.h"
+#include "tests/render_scenes.h"
+
+namespace skytree {
+namespace {
+
+RenderOptions small(int samples, int max_bounces = 0) {
+  RenderOptions options;
+  options.width = 40;
+  options.height = 30;
+  options.samples = samples;
+  options.max_bounces = max_bounces;
+  options.pixel_filter = PixelFilter::kBox;
+  return options;
+}
+
+struct Mean {
+  double r = 0, g = 0, b = 0, a = 0;
+};
+Mean mean_of(const std::vector<float>& pixels) {
+  Mean m;
+  const double n = double(pixels.size() / 4);
+  for (size_t i = 0; i < pixels.size(); i += 4) {
+    m.r += pixels[i] / n;
+    m.g += pixels[i + 1] / n;
+    m.b += pixels[i + 2] / n;
+    m.a += pixels[i + 3] / n;
+  }
+  return m;
+}
+
+EnvironmentInput sky(int width = 128, const char* sampler = "kdtree") {
+  EnvironmentInput in;
+  in.texels = share(make_sky(width, width / 2));
+  in.width = width;
+  in.height = width / 2;
+  const LatLongImage image = {in.texels.get(), in.width, in.height};
+  const std::string name = sampler;
+  if (name == "kdtree") in.sampler = std::make_shared<KdTreeSampler>(image);
+  if (name == "inversion") in.sampler = std::make_shared<InversionSampler>(image);
+  if (name == "alias") in.sampler = std::make_shared<AliasSampler>(image);
+  if (name == "uniform") in.sampler = std::make_shared<UniformSampler>();
+  return in;
+}
+
+/// One unit sphere that fills the view, of one material, under a constant environment.
+std::shared_ptr<Scene> furnace(const Closure& closure) {
+  auto scene = std::make_shared<Scene>();
+  const int material = scene->add_material({closure}, "furnace");
+  scene->add_instance(scene->add_mesh(make_sphere(256, 128).input("sphere")), identity4(),
+                      {material});
+  scene->set_camera(look_at({0, -4, 0.5f}, {0, 0, 0}), perspective(0.2, 4.0 / 3.0));
+  scene->set_environment({});
+  return scene;
+}
+
+TEST(Furnace, WhiteDiffuseSphereIsOne) {
+  // Convex: no bounce is lost, so every pixel is 1 but for the facets' terminator.
+  const Mean m = mean_of(render(furnace(diffuse(1.0f)), small(256)));
+  EXPECT_NEAR(m.r, 1.0, 2e-3);
+  EXPECT_NEAR(m.a, 1.0, 1e-9);
+}
+
+TEST(Furnace, ClosedRoomWithEmissionReachesItsSum) {
+  // Inside a closed sphere that emits 1 and reflects half: 1 + 1/2 + 1/4 + ... = 2.
+  auto scene = std::make_shared<Scene>();
+  Closure emission;
+  emission.type = ClosureType::kEmission;
+  emission.emission = {1, 1, 1};
+  const int material = scene->add_material({diffuse(0.5f), emission}, "room");
+  scene->add_instance(scene->add_mesh(make_sphere(64, 32, false).input("room")), identity4(),
+                      {material});
+  scene->set_camera(look_at({0, -0.5f, 0}, {0, 0, 0}), perspective(1.0, 4.0 / 3.0, 0.01));
+  const Mean m = mean_of(render(scene, small(64, 40)));
+  EXPECT_NEAR(m.r, 2.0, 0.01);
+  // Two vertices of the path: what the eye sees and one bounce, as max_bounces 0 gives it.
+  EXPECT_NEAR(mean_of(render(scene, small(64, 0))).r, 1.5, 0.01);
+}
+
+TEST(Furnace, GlossyAndWardNeverGain) {
+  for (const float roughness : {0.1f, 0.4f, 0.9f}) {
+    EXPECT_LE(mean_of(render(furnace(glossy(1.0f, roughness)), small(64))).r, 1.002) << roughness;
+  }
+  EXPECT_GT(mean_of(render(furnace(glossy(1.0f, 0.1f)), small(64))).r, 0.98);
+  for (const float alpha : {0.05f, 0.3f}) {
+    Closure ward;
+    ward.type = ClosureType::kWard;
+    ward.color = {1, 1, 1};
+    ward.alpha_x = alpha;
+    ward.alpha_y = 0.3f * alpha;
+    const double r = mean_of(render(furnace(ward), small(64))).r;
+    EXPECT_LE(r, 1.002) << alpha;
+    EXPECT_GT(r, 0.6) << alpha;
+  }
+}
+
+TEST(Furnace, WhitePrincipledKeepsItsEnergy) {
+  Closure principled;
+  principled.type = ClosureType::kPrincipled;
+  principled.color = {1, 1, 1};
+  for (const float roughness : {0.2f, 0.5f, 0.9f}) {
+    principled.roughness = roughness;
+    // The diffuse layer gets what the coat's albedo table leaves: nothing lost but the table's own
+    // error.
+    EXPECT_NEAR(mean_of(render(furnace(principled), small(256))).r, 1.0, 0.01) << roughness;
+  }
+}
+
+TEST(Samplers, AgreeWithinNoise) {
+  const auto scene = make_spheres_scene(4.0 / 3.0);
+  scene->set_environment(sky(128, "inversion"));
+  const Mean reference = mean_of(render(scene, small(1024)));
+  ASSERT_GT(reference.g, 0.1);
+  for (const char* name : {"kdtree", "alias"}) {
+    scene->set_environment(sky(128, name));
+    const Mean m = mean_of(render(scene, small(256)));
+    EXPECT_NEAR(m.r / reference.r, 1.0, 0.004) << name;
+    EXPECT_NEAR(m.b / reference.b, 1.0, 0.004) << name;
+  }
+  scene->set_environment(sky(128, "uniform"));
+  EXPECT_NEAR(mean_of(render(scene, small(2048))).r / reference.r, 1.0, 0.02);
+}
+
+TEST(Samplers, LightAloneAndBsdfAloneAgreeWithBoth) {
+  const auto scene = make_spheres_scene(4.0 / 3.0);
+  scene->set_environment(sky());
+  RenderOptions options = small(512, 2);
+  const Mean both = mean_of(render(scene, options));
+  options.bsdf_sampling = false;
+  EXPECT_NEAR(mean_of(render(scene, options)).r / both.r, 1.0, 0.01);
+  options.bsdf_sampling = true;
+  options.light_sampling = false;
+  options.samples = 4096;
+  EXPECT_NEAR(mean_of(render(scene, options)).r / both.r, 1.0, 0.03);
+}
+
+TEST(Irradiance, OneTexelSunOnAPlane) {
+  // Analytic: radiosity of a Lambertian plane = albedo/pi * integral of L cos over the interpolated
+  // texel.
+  constexpr int w = 64, h = 32, column = 20, row = 9;
+  std::vector<float> texels(size_t(w) * h * 3, 0.0f);
+  for (int k = 0; k < 3; ++k) texels[(size_t(row) * w + column) * 3 + k] = 100.0f;
+  const LatLongImage image = {texels.data(), w, h};
+  double irradiance = 0.0;
+  constexpr int kSteps = 400;
+  for (int i = 0; i < kSteps; ++i) {
+    for (int k = 0; k < kSteps; ++k) {
+      const float u = (column - 1 + 3.0f * (k + 0.5f) / kSteps) / w;
+      const float v = (row - 1 + 3.0f * (i + 0.5f) / kSteps) / h;
+      const double area =
+          3.0 / kSteps / w * 2 * M_PI * 3.0 / kSteps / h * M_PI * std::sin(v * M_PI);
+      irradiance += lookup_bilinear_uv(image, u, v).x * std::max(0.0, std::cos(v * M_PI)) * area;
+    }
+  }
+  auto scene = std::make_shared<Scene>();
+  const int material = scene->add_material({diffuse(0.8f)}, "plane");
+  scene->add_instance(scene->add_mesh(make_square(10.0f).input("plane")), identity4(), {material});
+  scene->set_camera(look_at({0, -2, 5}, {0, 0, 0}), perspective(0.5, 4.0 / 3.0));
+  EnvironmentInput in;
+  in.texels = share(texels);
+  in.width = w;
+  in.height = h;
+  for (const int turn : {0, 1}) {
+    in.sampler = std::make_shared<KdTreeSampler>(image);
+    // A turn about z leaves the irradiance of a horizontal plane alone.
+    const float angle = 0.9f * float(turn);
+    in.world_to_env = {
+        {{std::cos(angle), -std::sin(angle), 0}, {std::sin(angle), std::cos(angle), 0}, {0, 0, 1}}};
+    scene->set_environment(in);
+    EXPECT_NEAR(mean_of(render(scene, small(256))).r, 0.8 / M_PI * irradiance, 0.005 * irradiance);
+  }
+}
+
+TEST(Determinism, BitsDependOnPixelSampleAndSeedOnly) {
+  const auto scene = make_spheres_scene(4.0 / 3.0);
+  scene->set_environment(sky());
+  RenderOptions options = small(24, 3);
+  options.width = 70;  // not a multiple of the tile
+  options.height = 53;
+  options.pixel_filter = PixelFilter::kBlackmanHarris;
+  const std::vector<float> whole = render(scene, options, 1);
+  EXPECT_EQ(whole, render(scene, options, 5)) << "threads";
+
+  RenderOptions region = options;
+  region.x0 = 13;
+  region.y0 = 21;
+  region.x1 = 50;
+  region.y1 = 38;
+  const std::vector<float> part = render(scene, region, 2);
+  for (int y = region.y0; y < region.y1; ++y) {
+    for (int x = region.x0; x < region.x1; ++x) {
+      for (int k = 0; k < 4; ++k) {
+        ASSERT_EQ(part[(size_t(y - region.y0) * (region.x1 - region.x0) + x - region.x0) * 4 + k],
+                  whole[(size_t(y) * options.width + x) * 4 + k])
+            << x << "," << y;
+      }
+    }
+  }
+
+  RenderOptions head = options, tail = options;
+  head.samples = 7;
+  tail.samples = 17;
+  tail.first_sample = 7;
+  const std::vector<float> a = render(scene, head), b = render(scene, tail);
+  for (size_t i = 0; i < whole.size(); ++i) {
+    ASSERT_NEAR((7 * a[i] + 17 * b[i]) / 24, whole[i], 1e-5f * (1 + std::fabs(whole[i])));
+  }
+  RenderOptions other = options;
+  other.seed = 1;
+  EXPECT_NE(whole, render(scene, other));
+}
+
+TEST(Camera, OrthographicAndShiftSeeWhatTheyShould) {
+  // A small emitting square at a known place: its centroid on the film is where the projection puts
+  // it.
+  auto scene = std::make_shared<Scene>();
+  Closure emission;
+  emission.type = ClosureType::kEmission;
+  emission.emission = {1, 1, 1};
+  const int material = scene->add_material({emission}, "lamp");
+  scene->add_instance(scene->add_mesh(make_square(0.2f).input("lamp")), translation(1.0, 0.5, 0),
+                      {material});
+  EnvironmentInput black;
+  black.color = {0, 0, 0};
+  scene->set_environment(black);
+  RenderOptions options = small(16);
+  options.width = 80;
+  options.height = 60;
+  auto centroid = [&] {
+    const std::vector<float> pixels = render(scene, options);
+    double sum = 0, x = 0, y = 0;
+    for (int j = 0; j < options.height; ++j) {
+      for (int i = 0; i < options.width; ++i) {
+        const double v = pixels[(size_t(j) * options.width + i) * 4];
+        sum += v;
+        x += v * (i + 0.5);
+        y += v * (j + 0.5);
+      }
+    }
+    EXPECT_GT(sum, 1.0);
+    return std::make_pair(x / sum, y / sum);
+  };
+  const Matrix4 above = translation(0, 0, 5);  // looks down -z, x right, y up
+  scene->set_camera(above, orthographic(8, 6));
+  EXPECT_NEAR(centroid().first, 40 + 10 * 1.0, 0.1);
+  EXPECT_NEAR(centroid().second, 30 + 10 * 0.5, 0.1);
+  Matrix4 shifted = orthographic(8, 6);
+  shifted[3] -= 0.25;  // moves the picture by a quarter of half the width
+  scene->set_camera(above, shifted);
+  EXPECT_NEAR(centroid().first, 40 + 10 * 1.0 - 0.25 * 40, 0.1);
+  Matrix4 lens = perspective(2 * std::atan(0.8), 4.0 / 3.0);
+  scene->set_camera(above, lens);
+  EXPECT_NEAR(centroid().first, 40 + 40 * (1.0 / 5.0) / 0.8, 0.1);
+  lens[2] += 0.3;  // shift of a perspective camera: z enters before the division
+  scene->set_camera(above, lens);
+  EXPECT_NEAR(centroid().first, 40 + 40 * (1.0 / 5.0) / 0.8 - 0.3 * 40, 0.1);
+  EXPECT_THROW(scene->set_camera(above, Matrix4{}), std::invalid_argument);
+}
+
+TEST(Instances, MirroredAndShearedEqualTheirMeshInPlace) {
+  const Matrix4 matrices[] = {{-1, 0, 0, 0.2, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1},
+                              {1, 0.5, 0, 0, 0, 1, 0.3, 0, 0, 0, 0.7, 0.1, 0, 0, 0, 1}};
+  for (const Matrix4& m : matrices) {
+    const MeshData sphere = make_sphere(48, 24, false);
+    MeshData placed = sphere;
+    for (size_t i = 0; i < sphere.positions.size(); i += 3) {
+      const float* p = &sphere.positions[i];
+      for (int row = 0; row < 3; ++row) {
+        placed.positions[i + row] = float(m[4 * row] * p[0] + m[4 * row + 1] * p[1] +
+                                          m[4 * row + 2] * p[2] + m[4 * row + 3]);
+      }
+    }
+    std::vector<float> images[2];
+    for (const int in_place : {0, 1}) {
+      auto scene = std::make_shared<Scene>();
+      const int material = scene->add_material({diffuse(0.8f)}, "m");
+      const int mesh = scene->add_mesh((in_place ? placed : sphere).input("sphere"));
+      scene->add_instance(mesh, in_place ? identity4() : m, {material});
+      scene->set_camera(look_at({0, -5, 1}, {0, 0, 0}), perspective(0.6, 4.0 / 3.0));
+      scene->set_environment(sky());
+      images[in_place] = render(scene, small(64, 1));
+    }
+    double difference = 0.0;
+    for (size_t i = 0; i < images[0].size(); ++i) {
+      difference += std::fabs(images[0][i] - images[1][i]) / double(images[0].size());
+    }
+    EXPECT_LT(difference, 0.003);
+  }
+}
+
+TEST(Transparency, HalfTransparentSheetDimsShadowAndView) {
+  // A sheet with transparency 1/2 and no reflection over a white plane, constant light: the light
+  // passes it on the way in (where it covers the sky as seen from below: nearly everywhere) and on
+  // the way to the eye.
+  auto scene = std::make_shared<Scene>();
+  Closure clear;
+  clear.type = ClosureType::kTransparent;
+  clear.color = {0.5f, 0.5f, 0.5f};
+  const int sheet = scene->add_material({clear}, "sheet");
+  const int white = scene->add_material({diffuse(1.0f)}, "white");
+  const int square = scene->add_mesh(make_square(500.0f).input("square"));
+  scene->add_instance(square, identity4(), {white});
+  scene->add_instance(square, translation(0, 0, 1), {sheet});
+  scene->set_camera(look_at({0, -1, 4}, {0, 0, 0}), perspective(0.3, 4.0 / 3.0));
+  scene->set_environment({});
+  EXPECT_NEAR(mean_of(render(scene, small(64))).r, 0.25, 0.003);
+}
+
+TEST(Film, TransparentBackgroundHasNoAlpha) {
+  const auto scene = furnace(diffuse(0.5f));
+  scene->set_camera(look_at({0, -4, 0}, {0, 0, 0}), perspective(1.2, 4.0 / 3.0));
+  RenderOptions options = small(32);
+  options.film_transparent = true;
+  const std::vector<float> pixels = render(scene, options);
+  EXPECT_EQ(pixels[3], 0.0f);
+  EXPECT_EQ(pixels[0], 0.0f);
+  const size_t center = (size_t(15) * 40 + 20) * 4;
+  EXPECT_EQ(pixels[center + 3], 1.0f);
+  EXPECT_NEAR(pixels[center], 0.5f, 0.02f);
+}
+
+TEST(Texture, CheckerFollowsUvAndExtension) {
+  const float texels[] = {1, 0, 0, 0, 1, 0,
+                          0, 0, 1, 1, 1, 1};  // top row red, green; bottom row blue, white
+  TextureView view = {
+      texels,    2,        2, 3, TextureExtension::kRepeat, TextureInterpolation::kClosest,
+      {1, 0, 0}, {0, 1, 0}};
+  EXPECT_EQ(sample_texture(view, {0.25f, 0.25f}).z, 1.0f);  // v = 0 is the bottom
+  EXPECT_EQ(sample_texture(view, {0.25f, 0.75f}).x, 1.0f);
+  EXPECT_EQ(sample_texture(view, {1.25f, -0.25f}).x, 1.0f);
+  view.extension = TextureExtension::kMirror;
+  EXPECT_EQ(sample_texture(view, {1.25f, 0.75f}).y, 1.0f);
+  view.extension = TextureExtension::kExtend;
+  EXPECT_EQ(sample_texture(view, {5.0f, 0.75f}).y, 1.0f);
+  view.extension = TextureExtension::kClip;
+  EXPECT_EQ(max_component(sample_texture(view, {1.5f, 0.5f})), 0.0f);
+  view.interpolation = TextureInterpolation::kLinear;
+  view.extension = TextureExtension::kRepeat;
+  const Vec3 middle = sample_texture(view, {0.5f, 0.5f});
+  EXPECT_NEAR(middle.x, 0.5f, 1e-6f);
+  EXPECT_NEAR(middle.y, 0.5f, 1e-6f);
+}
+
+}  // namespace
+}  // namespace skytree
