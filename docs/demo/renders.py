@@ -100,7 +100,7 @@ def _partial(file: Path) -> Path:
 def _rendered_names(
     order: Order, jobs: list[dict], cache: Path, rendered: Rendered, progress: Progress
 ) -> Iterator[str]:
-    """Renders the jobs, moves a bar for each, fills in times and versions; yields the name of what is done."""
+    """Renders the jobs, moves a bar for each, fills in times and versions; yields what is done."""
     quality = order.quality
     description = {
         "zip": str(order.addon.resolve()),

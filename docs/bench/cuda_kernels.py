@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the CUDA kernels need, from the compiler: registers, local memory, spills, instructions, for each architecture.
+
+    python docs/bench/cuda_kernels.py [--arch 75 86 120]
+
+Needs nvcc and cuobjdump (the CUDA toolkit), no GPU. Prints the tables of docs/cuda.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FLAGS = ["-std=c++17", "-fmad=false", f"-I{ROOT}", f"-I{ROOT / 'native'}"]
+SOURCES = [ROOT / "cuda" / "kernels.cu", Path(__file__).with_name("cuda_stages.cu")]
+REGISTERS_PER_MULTIPROCESSOR = 65536
+REGISTER_STEP = 8  # per thread, what the hardware hands out
+WARPS_PER_MULTIPROCESSOR = {75: 32, 86: 48, 89: 48, 120: 48}  # else 64
+BYTES_OF_STATE = 2 * (100 + 20 + 2 * 52 + 5)  # one path between two stages, written and read
+
+
+@dataclass
+class Kernel:
+    name: str
+    registers: int
+    stack: int
+    spills: int
+    instructions: int = 0
+
+    def warps(self, arch: int) -> int:
+        rounded = -(-self.registers // REGISTER_STEP) * REGISTER_STEP
+        return min(WARPS_PER_MULTIPROCESSOR.get(arch, 64), REGISTERS_PER_MULTIPROCESSOR // (rounded * 32))
+
+
+def compile_kernels(nvcc: str, source: Path, arch: int, folder: Path) -> list[Kernel]:
+    cubin = folder / f"{source.stem}.{arch}.cubin"
+    command = [nvcc, *FLAGS, f"-arch=sm_{arch}", "-Xptxas", "-v", "-cubin", "-o", cubin, source]
+    said = subprocess.run(command, capture_output=True, text=True)
+    if said.returncode:
+        sys.exit(f"nvcc failed on {source}:\n{said.stderr}")
+    pattern = re.compile(
+        r"entry function '(\w+)'.*?(\d+) bytes stack frame, (\d+) bytes spill stores, (\d+) bytes spill loads"
+        r".*?Used (\d+) registers",
+        re.DOTALL,
+    )
+    kernels = [
+        Kernel(name, int(registers), int(stack), int(stores) + int(loads))
+        for name, stack, stores, loads, registers in pattern.findall(said.stderr)
+    ]
+    dump = shutil.which("cuobjdump") or str(Path(nvcc).with_name("cuobjdump"))
+    if Path(dump).exists():
+        listing = subprocess.run([dump, "-sass", cubin], capture_output=True, text=True).stdout
+        for part in listing.split("Function : ")[1:]:
+            for kernel in kernels:
+                if part.split(None, 1)[0] == kernel.name:
+                    kernel.instructions = len(re.findall(r"/\*[0-9a-f]{4,}\*/\s+(?!NOP)\S", part))
+    return kernels
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--arch", type=int, nargs="+", default=[75, 86, 89, 90, 120])
+    arguments = parser.parse_args()
+    nvcc = shutil.which("nvcc") or "/usr/local/cuda/bin/nvcc"
+    if not Path(nvcc).exists():
+        sys.exit("nvcc was not found: install the CUDA toolkit, or put it on PATH.")
+    started = time.perf_counter()
+    print("| architecture | kernel | registers | warps per multiprocessor | local bytes | spilt bytes | instructions |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    with tempfile.TemporaryDirectory() as folder:
+        for arch in arguments.arch:
+            for source in SOURCES:
+                for k in sorted(compile_kernels(nvcc, source, arch, Path(folder)), key=lambda k: k.name):
+                    print(
+                        f"| sm_{arch} | {k.name} | {k.registers} | {k.warps(arch)} | {k.stack} | {k.spills} "
+                        f"| {k.instructions or '?'} |",
+                        flush=True,
+                    )
+    print(f"\n{time.perf_counter() - started:.0f} s of compiling")
+
+
+if __name__ == "__main__":
+    main()
