@@ -30,6 +30,9 @@ from . import (  # noqa: E402
     compare_region,
     engine,
     floating,
+    map_pictures,
+    overlay,
+    overlay_panel,
     panels,
     presets,
     problems,
@@ -48,6 +51,9 @@ _MODULES = (
     compare_cli,
     compare_region,
     compare_panel,
+    map_pictures,
+    overlay,
+    overlay_panel,
 )
 
 

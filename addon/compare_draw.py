@@ -152,24 +152,23 @@ def side_lines(view: CompareView, name: str, with_figures: bool) -> list[str]:
         stale = ", stale" if view.reference_is_stale else ""
         return [f"{name.upper()}  reference, {side.picture.samples} spp{stale}"]
     samples = side.picture.samples if side.picture and side.picture.divisor == 1 else 0
-    first = f"{name.upper()}  {side.method.label}   {samples} spp   {formatted_seconds(side.seconds)}"
+    lines = [
+        f"{name.upper()}  {side.method.label}",
+        f"{samples} spp   {formatted_seconds(side.seconds)}",
+    ]
     if not with_figures:
-        return [first]
-    lines = [first]
+        return lines
+    if side.steps:
+        step, errors = side.steps[-1], side.steps[-1].errors
+        lines += [
+            f"RMSE {formatted(errors['rmse'])}   relMSE {formatted(errors['relmse'])}",
+            f"nRMSE_tc {formatted(errors['nrmse_tc'])}   mean {100 * errors['mean_difference']:+.2f} %",
+            f"efficiency {formatted(step.efficiency)}",
+        ]
     figures = sampler_figures_of(side)
     if figures:
-        lines.append(
-            f"largest weight {formatted(figures['largest_weight'])}   "
-            f"light variance {formatted(figures['sample_variance'])}"
-        )
-    if side.steps:
-        step = side.steps[-1]
-        errors = step.errors
-        lines.append(f"RMSE {formatted(errors['rmse'])}   relMSE {formatted(errors['relmse'])}")
-        lines.append(
-            f"nRMSE_tc {formatted(errors['nrmse_tc'])}   mean {100 * errors['mean_difference']:+.2f} %   "
-            f"efficiency {formatted(step.efficiency)}"
-        )
+        lines.append(f"largest weight {formatted(figures['largest_weight'])}")
+        lines.append(f"light variance {formatted(figures['sample_variance'])}")
     return lines
 
 
@@ -240,7 +239,7 @@ def _decades(values: list[float]) -> tuple[int, int]:
 
 
 def formatted_seconds(seconds: float) -> str:
-    return f"{1000 * seconds:.0f} ms" if seconds < 10 else f"{seconds:.1f} s"
+    return f"{1000 * seconds:.0f} ms" if seconds < 1 else f"{seconds:.2f} s"
 
 
 def formatted(value: float | None) -> str:

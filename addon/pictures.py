@@ -16,6 +16,7 @@ from .compare_metrics import usable_radiance
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 KEY = 0.3
+STOPS = 16  # of the false-colour scale, even
 PAPER, INK, GRID = (0.11, 0.11, 0.12), (0.82, 0.82, 0.84), (0.24, 0.24, 0.26)
 EMPIRICAL, FITTED, BORDER = (0.95, 0.45, 0.25), (0.35, 0.70, 1.00), (1.00, 0.85, 0.20)
 
@@ -78,39 +79,56 @@ def rebuilt_picture(image: np.ndarray, reconstruction: np.ndarray, height: int, 
     return map_picture(reconstruction, height, width, exposure)
 
 
-def false_color_picture(
-    image: np.ndarray, height: int, width: int, stops: int = 10
-) -> tuple[np.ndarray, float]:
-    """(picture, middle): luminance in stops about `middle`, the log2 of the median of the luminance, in
-    even steps of one stop from -stops/2 to stops/2. A sun stays one colour however small: the brightest
-    texel wins, not the average."""
+def exposure_picture(image: np.ndarray, height: int, width: int) -> np.ndarray:
+    """The map in false colours, one a stop about its median; below, the shares of the sphere (grey) and of
+    the light (orange) that each stop has. A sun keeps its colour however small: of several texels the
+    brightest counts."""
+    map_height = width // 2
     luminance = np.maximum(usable_radiance(image) @ LUMINANCE, 0.0)
     positive = luminance[luminance > 0]
-    middle = float(np.log2(np.median(positive))) if positive.size else 0.0
-    rows = np.arange(max(height, 1)) * luminance.shape[0] // height
-    columns = np.arange(max(width, 1)) * luminance.shape[1] // width
-    if height < luminance.shape[0]:
-        luminance = np.maximum.reduceat(luminance, rows, axis=0)
-    else:
-        luminance = luminance[rows]
-    if width < luminance.shape[1]:
-        luminance = np.maximum.reduceat(luminance, columns, axis=1)
-    else:
-        luminance = luminance[:, columns]
-    exposure = np.log2(np.maximum(luminance, 1e-30)) - middle
-    return colormap((np.floor(exposure) + stops / 2 + 0.5) / stops), middle
+    middle = np.log2(np.median(positive)) if positive.size else 0.0
+    small = _maximum(_maximum(luminance, map_height, axis=0), width, axis=1)
+    picture = np.empty((height, width, 3), np.float32)
+    picture[:] = PAPER
+    picture[:map_height] = colormap((_stop(small, middle) + STOPS / 2 + 0.5) / STOPS)
+    _draw_histogram(picture, luminance, middle, map_height)
+    return picture
 
 
-def false_color_legend(height: int, width: int, stops: int = 10) -> np.ndarray:
-    """The scale of false_color_picture: its colours from left to right with the stops below."""
-    legend = np.empty((height, width, 3), np.float32)
-    legend[:] = PAPER
-    step = np.arange(width) * stops // width
-    legend[: height // 2] = colormap((step + 0.5) / stops)
-    for stop in range(0, stops, 2):
-        label = f"{stop - stops // 2:+d}"
-        raster.text(legend, stop * width // stops, height // 2 + 6, label, INK)
-    return legend
+def _stop(luminance: np.ndarray, middle: float) -> np.ndarray:
+    """Whole stops from the middle, -STOPS/2 ... STOPS/2 - 1, the last ones open to their side."""
+    stops = np.floor(np.log2(np.maximum(luminance, 1e-30)) - middle)
+    return np.clip(stops, -STOPS // 2, STOPS // 2 - 1)
+
+
+def _draw_histogram(picture: np.ndarray, luminance: np.ndarray, middle: float, top: int) -> None:
+    height, width = picture.shape[:2]
+    base, scale = height - 36, height - 36 - top - 12
+    rows = np.cos(np.linspace(0.0, np.pi, luminance.shape[0] + 1))
+    solid_angle = np.broadcast_to((rows[:-1] - rows[1:])[:, None], luminance.shape)
+    stop = (_stop(luminance, middle) + STOPS // 2).astype(np.int64).ravel()
+    shares = [
+        np.bincount(stop, weight.ravel(), STOPS) / max(float(weight.sum()), 1e-30)
+        for weight in (solid_angle, solid_angle * luminance)
+    ]
+    for index in range(STOPS):
+        left, right = index * width // STOPS, (index + 1) * width // STOPS
+        picture[base + 4 : base + 14, left:right] = colormap(np.array((index + 0.5) / STOPS))
+        raster.text(picture, left + 2, base + 20, f"{index - STOPS // 2:+d}", INK)
+        bar = (right - left) // 3
+        for share, offset, color in zip(
+            (s[index] for s in shares), (bar // 2, bar // 2 + bar), (INK, EMPIRICAL), strict=True
+        ):
+            picture[base - round(scale * share) : base, left + offset : left + offset + bar] = color
+
+
+def _maximum(values: np.ndarray, count: int, axis: int) -> np.ndarray:
+    """Resized to `count` along an axis; where texels are merged the largest stays."""
+    length = values.shape[axis]
+    starts = np.arange(count) * length // count
+    if count >= length:
+        return np.take(values, starts, axis=axis)
+    return np.maximum.reduceat(values, starts, axis=axis)
 
 
 def fitted_probabilities(alpha: float, count: int) -> np.ndarray:

@@ -14,7 +14,7 @@ def set_up(w):
     scene = scenes.new_scene()
     scene.skytree.max_bounces = 0
     scene.skytree.preview_samples = 4
-    scenes.test_scene_objects(scene)
+    scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled("city"))
     view = w.space.region_3d
     view.view_perspective = "PERSP"
@@ -92,8 +92,8 @@ def scenario_reference_and_figures(w):
     assert view.capture is not None
     yield from w.until(lambda: view.reference is not None, what="the reference")
     yield from until_compared(w)
-    errors = {name: view.sides[name].steps[-1].errors["nrmse_tc"] for name in "ab"}
-    assert errors["a"] < 0.5 * errors["b"], errors
+    errors = {name: view.sides[name].steps[-1].errors["relmse"] for name in "ab"}
+    assert errors["a"] < 0.1 * errors["b"], errors
     assert [view.sides[name].steps[-1].samples for name in "ab"] == [SAMPLES, SAMPLES]
     w.shot("reference")
 
@@ -147,13 +147,11 @@ def scenario_other_modes(w):
     yield from until_compared(w)
     shown = w.view_of(w.shot("side_by_side"))
     height, width = shown.shape[:2]
-    left, right = shown[: height // 2, : width // 2], shown[: height // 2, width - width // 2 :]
-    # A grid of cells: averages hide the noise, which is what the two halves differ in.
+    # Where the spheres are and Blender's own buttons are not; means of cells hide the noise.
+    band = slice(int(0.35 * height), int(0.35 * height) + 120)
     cells = [
-        half[: height // 2 // 40 * 40, : width // 2 // 40 * 40]
-        .reshape(height // 2 // 40, 40, -1, 40, 3)
-        .mean(axis=(1, 3))
-        for half in (left, right)
+        shown[band, start + 60 : start + 60 + 200].reshape(6, 20, 10, 20, 3).mean(axis=(1, 3))
+        for start in (0, width // 2)
     ]
     assert np.corrcoef(cells[0].ravel(), cells[1].ravel())[0, 1] > 0.9
 
