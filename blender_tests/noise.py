@@ -19,7 +19,7 @@ def to_regions(picture: np.ndarray) -> np.ndarray:
 
 
 def assert_agree(ours: list[np.ndarray], theirs: list[np.ndarray], mean_tolerance: float = 0.01):
-    """Image means within `mean_tolerance`; regions within noise.
+    """Image means within `mean_tolerance` and their own noise; regions within noise.
 
     The variance of a region is known from few renders only, so that of its neighbours is taken along. With
     that, one region in a thousand may pass 5 standard deviations, none 10; 1 % is left for the filters' and
@@ -27,13 +27,21 @@ def assert_agree(ours: list[np.ndarray], theirs: list[np.ndarray], mean_toleranc
     a, var_a = mean_and_variance(ours)
     b, var_b = mean_and_variance(theirs)
     assert b.mean() > 0.0
-    assert abs(a.mean() - b.mean()) <= mean_tolerance * b.mean(), f"means {a.mean():.6g} and {b.mean():.6g}"
+    noise = np.hypot(standard_error(ours), standard_error(theirs))
+    assert abs(a.mean() - b.mean()) <= mean_tolerance * b.mean() + 3.0 * noise, (
+        f"means {a.mean():.6g} and {b.mean():.6g}, standard error {noise:.2g}"
+    )
     deviation = np.sqrt(smooth(var_a) + smooth(var_b)) + 0.01 * b / 5.0
     score = np.abs(a - b) / deviation
     worst = np.unravel_index(score.argmax(), score.shape)
     text = f"region {worst}: {a[worst]:.5g} and {b[worst]:.5g}, {score.max():.1f} standard deviations"
     assert np.mean(score > 5.0) <= 0.01, f"{np.mean(score > 5.0):.2%} of the regions differ; {text}"
     assert score.max() <= 10.0, text
+
+
+def standard_error(pictures: list[np.ndarray]) -> float:
+    """Of the mean over the renders' image means, whose pixels need not be independent."""
+    return float(np.std([picture[..., :3].mean() for picture in pictures], ddof=1) / np.sqrt(len(pictures)))
 
 
 def smooth(variance: np.ndarray) -> np.ndarray:
