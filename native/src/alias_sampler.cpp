@@ -41,7 +41,8 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
   // threshold: from weight to probability times count.
   const double scale = total > 0 ? (1.0 - kEvenShare) * (double)count / total : 0.0;
   for (int y = 0; y < height_; ++y) {
-    const double even = total > 0 ? kEvenShare : solid_angles[y] * (double)count * kInvFourPi;
+    const double even =
+        (total > 0 ? kEvenShare : 1.0) * solid_angles[y] * (double)count * kInvFourPi;
     const float to_pdf = (float)(1.0 / (solid_angles[y] * (double)count));
     AliasEntry* row = entries_.data() + (int64_t)y * width_;
     for (int x = 0; x < width_; ++x) {
