@@ -59,6 +59,14 @@ def command_demo(options: argparse.Namespace) -> str:
     return f"The demo's pictures and report.json are in {relative(out)}."
 
 
+def command_compare(options: argparse.Namespace) -> str:
+    archive, blender, out = package(), blender_module("4.5"), options.out.resolve()
+    script = ROOT / ".ci" / "skytree_build" / "compare_in_blender.py"
+    command = [blender, script, archive, options.file.resolve(), "--out", out, *options.further]
+    run_visibly("The comparison", command)
+    return f"The report is {relative(out / 'report.html')}."
+
+
 def command_bench(options: argparse.Namespace) -> str:
     broken = bench_samplers(options.further) if options.only != "renders" else 0
     if options.only != "samplers":
@@ -87,6 +95,7 @@ COMMANDS = {
     "build": (command_build, "build the Python package skytree_core"),
     "package": (command_package, "make the zip that Blender installs"),
     "bench": (command_bench, "measure the samplers, and renders against Cycles"),
+    "compare": (command_compare, "compare two ways of sampling on a .blend file and write a report"),
     "figures": (command_figures, "make the paper's figures"),
 }
 
@@ -102,15 +111,26 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     added["demo"].add_argument(
         "--out", type=Path, default=ROOT / "demo", help="folder for the results (default: demo)"
     )
+    added["compare"].add_argument("file", type=Path, help="the .blend file")
+    added["compare"].add_argument(
+        "--out", type=Path, default=Path("skytree_compare"), help="folder for the report"
+    )
+    added[
+        "compare"
+    ].epilog = (
+        "Handed on: --a, --b, --samples or --seconds, --reference-samples, --seed, --size (docs/compare.md)"
+    )
     added["bench"].add_argument("--only", choices=("samplers", "renders"), help="leave the other half out")
     added["test"].add_argument("parts", nargs="*", help=f"run these parts only: {', '.join(TEST_PARTS)}")
     options, further = parser.parse_known_args(arguments)
-    if further and options.command not in ("demo", "bench"):  # these two hand further options on
+    if further and options.command not in ("demo", "bench", "compare"):  # these hand further options on
         parser.error(f"unknown: {' '.join(further)}")
     if unknown := [part for part in getattr(options, "parts", []) if part not in TEST_PARTS]:
         parser.error(f"unknown part {', '.join(unknown)}; there are {', '.join(TEST_PARTS)}")
     if getattr(options, "hdri", None) and not options.hdri.is_file():
         parser.error(f"--hdri {options.hdri}: there is no such file")
+    if getattr(options, "file", None) and not options.file.is_file():
+        parser.error(f"{options.file}: there is no such file")
     options.further = further
     return options
 

@@ -117,7 +117,7 @@ class SkytreeCompareSettings(bpy.types.PropertyGroup):
     )
     gain: FloatProperty(
         name="Gain",
-        default=8.0,
+        default=2.0,
         min=0.01,
         soft_max=64.0,
         max=4096.0,

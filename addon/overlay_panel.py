@@ -40,7 +40,6 @@ class SKYTREE_WORLD_PT_pictures(_PicturePanel, bpy.types.Panel):
     bl_region_type = "WINDOW"
     bl_context = "world"
     bl_parent_id = "SKYTREE_WORLD_PT_sampler"
-    bl_options = {"DEFAULT_CLOSED"}
 
 
 class SKYTREE_VIEW_PT_pictures(_PicturePanel, bpy.types.Panel):
