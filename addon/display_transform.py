@@ -16,9 +16,9 @@ import numpy as np
 
 from . import display
 
-GRID = 33
+GRID = 65
 # log2 of the smallest and largest colour in the table, evenly spaced (see gpu_draw.view_transform).
-SHAPER = (-14.0, 12.0)
+SHAPER = (-12.0, 10.0)
 
 _baked: dict[tuple, ViewTransform] = {}
 _failed: set[tuple] = set()

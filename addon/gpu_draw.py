@@ -155,10 +155,10 @@ def draw_image(
     if colors == VIEW_TRANSFORM and view_transform is None:
         colors = SRGB
     shader = _image_shader()
-    corners = ((x, y), (x + width, y), (x + width, y + height), (x, y + height))
+    corners = ((x, y), (x + width, y), (x, y + height), (x + width, y + height))
     left, bottom, right, top = uv
-    uvs = ((left, bottom), (right, bottom), (right, top), (left, top))
-    batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners, "uv": uvs})
+    uvs = ((left, bottom), (right, bottom), (left, top), (right, top))
+    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "uv": uvs})
     with blended("ALPHA_PREMULT"):
         shader.bind()
         shader.uniform_sampler("image", texture)

@@ -165,8 +165,11 @@ class _Changes:
         elif kind == "Material":
             if self.materials is not None:
                 self.materials.add(identity_of(update.id))
-        elif kind in {"World", "Scene"}:
+        elif kind == "World":
             self.environment = True
+        elif kind == "Scene":
+            # Also when an object is hidden or shown.
+            self.environment = self.objects = True
         elif kind in {"Image", "ShaderNodeTree"}:
             # Neither says who uses it. Both are compared after reading, so what did not change stays.
             if kind == "Image":

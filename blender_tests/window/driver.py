@@ -203,7 +203,7 @@ def load(path: Path):
 
 def main():
     scenarios_path, out = (Path(a) for a in sys.argv[sys.argv.index("--") + 1 :][:2])
-    wanted = os.environ.get("SKYTREE_SCENARIO", "")
+    wanted = os.environ.get("SKYTREE_SCENARIO", "").split(",")  # parts of names, for development
     from installing import install
 
     addon = install()
@@ -213,7 +213,9 @@ def main():
     preferences.edit.use_global_undo = True
     module = load(scenarios_path)
     functions = [
-        (name, f) for name, f in vars(module).items() if name.startswith("scenario_") and wanted in name
+        (name, f)
+        for name, f in vars(module).items()
+        if name.startswith("scenario_") and any(part in name for part in wanted)
     ]
     run = Run(functions, Window(out.parent, addon), out)
     bpy.app.timers.register(run.tick, first_interval=1.0, persistent=True)
