@@ -21,6 +21,7 @@ def build_all(image: np.ndarray, block_count: int) -> dict[str, object]:
         "kdtree_paper": skytree_core.KdTreeSampler(image, block_count, **PAPER),
         "inversion": skytree_core.InversionSampler(image),
         "inversion_binary": skytree_core.InversionSampler(image, method="binary"),
+        "uniform": skytree_core.UniformSampler(),
     }
 
 
@@ -41,7 +42,8 @@ def sample_times(
 ) -> dict[str, float]:
     """Nanoseconds of processor time for one direction with its pdf: fastest of several interleaved rounds.
 
-    Every call gets the same random numbers, in random order as a renderer would have them.
+    Every call gets the same random numbers, in random order as a renderer would have them. Checking the array
+    and writing the results is part of it; "uniform" has little else and tells how much that is.
     """
     u = np.random.default_rng(seed).random((count, 3), dtype=np.float32)
     calls = {name: (lambda s=sampler: s.sample(u)) for name, sampler in samplers.items()}
