@@ -33,7 +33,8 @@ __global__ void __launch_bounds__(kThreads) trace_rays(const __grid_constant__ T
   if (i < p.count) p.out[i] = trace_ray(p.tracer, p.instances, p.rays[i], p.any);
 }
 
-__global__ void __launch_bounds__(kThreads) render_pass(const __grid_constant__ PassParameters p) {
+__global__ void __launch_bounds__(kThreads, kRenderBlocks)
+    render_pass(const __grid_constant__ PassParameters p) {
   // A warp takes 8 x 4 neighbouring pixels: their rays visit the same nodes.
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   const int blocks_x = (p.width + kBlockWidth - 1) / kBlockWidth;
@@ -43,15 +44,25 @@ __global__ void __launch_bounds__(kThreads) render_pass(const __grid_constant__ 
   if (x >= p.width || y >= p.height) return;
   FilmPixel* film = p.film + static_cast<int64_t>(y) * p.width + x;
   FilmPixel pixel = *film;
-  unsigned long long rays = 0, rejected = 0;
-  for (uint32_t s = 0; s < p.sample_count; ++s) {
-    const PathResult result =
-        trace_path(p.scene, p.tracer, p.settings, p.x0 + x, p.y0 + y, p.first_sample + s);
-    rays += result.rays;
-    rejected += !add_to_film(result, &pixel);
+  unsigned long long rejected = 0;
+  uint32_t rays = 0, sample = 0;
+  int vertex = 0;
+  PathState path;
+  begin_path(p.scene, p.settings, p.x0 + x, p.y0 + y, p.first_sample, &path);
+  // One loop over all vertices of all samples: a thread whose path has ended starts its next sample
+  // while its neighbours still follow theirs, instead of waiting for the longest path of the warp.
+  for (;;) {
+    if (advance_path(p.scene, p.tracer, p.settings, vertex, &path, &rays)) {
+      ++vertex;
+      continue;
+    }
+    rejected += !add_to_film({path.radiance, path.alpha, 0}, &pixel);
+    if (++sample == p.sample_count) break;
+    begin_path(p.scene, p.settings, p.x0 + x, p.y0 + y, p.first_sample + sample, &path);
+    vertex = 0;
   }
   *film = pixel;
-  atomicAdd(&p.counters->rays, rays);
+  atomicAdd(&p.counters->rays, static_cast<unsigned long long>(rays));
   if (rejected) atomicAdd(&p.counters->rejected, rejected);
 }
 

@@ -42,6 +42,7 @@ def _choose() -> tuple[dict[str, str], str]:
     settings = {
         "SKYTREE_CUDA_DRIVER": str(EMULATOR / "libcuda.so.1"),
         "CUEMU_CACHE": str(EMULATOR / "cache"),
+        "CUEMU_OPT": "-O1",  # translating the kernels takes longer than running them
         "CUEMU_TIMEOUT_MS": "120000",
     }
     return settings, f"on the processor, through {relative(EMULATOR)}"

@@ -73,7 +73,9 @@ def main():
     if not Path(nvcc).exists():
         sys.exit("nvcc was not found: install the CUDA toolkit, or put it on PATH.")
     started = time.perf_counter()
-    print("| architecture | kernel | registers | warps per multiprocessor | local bytes | spilt bytes | instructions |")
+    print(
+        "| architecture | kernel | registers | warps per multiprocessor | local bytes | spilt bytes | instructions |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
         for arch in arguments.arch:

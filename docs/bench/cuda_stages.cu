@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The stages of a path as kernels of their own, as a wavefront renderer would launch them: compiled by cuda_kernels.py
-// to see what each would need, never run. docs/cuda.md draws the conclusion.
+// The stages of a path as kernels of their own, as a wavefront renderer would launch them: compiled
+// by cuda_kernels.py to see what each would need, never run. docs/cuda.md draws the conclusion.
 #include "cuda/kernel_parameters.h"
 
 namespace skytree::cuda {
@@ -38,13 +38,16 @@ __global__ void __launch_bounds__(kThreads) stage_shade(const __grid_constant__ 
   p.paths[i] = path;
 }
 
-__global__ void __launch_bounds__(kThreads) stage_connect(const __grid_constant__ StageParameters p) {
+__global__ void __launch_bounds__(kThreads)
+    stage_connect(const __grid_constant__ StageParameters p) {
   const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i >= p.count) return;
   for (int k = 0; k < p.connection_counts[i]; ++k) {
-    const Connection& connection = p.connections[2 * i + k];
-    if (trace_ray(p.pass.tracer, p.pass.scene.instances, connection.ray, true).instance < 0) {
-      p.paths[i].radiance += connection_radiance(p.pass.scene, connection);
+    Connection connection = p.connections[2 * i + k];
+    uint32_t rays = 0;
+    if (trace_connection(p.pass.scene, p.pass.tracer, &connection, &rays)) {
+      const Vec2 uv = environment_uv(p.pass.scene.environment, connection.ray.direction);
+      p.paths[i].radiance += connection_radiance(p.pass.scene, connection, uv);
     }
   }
 }

@@ -28,29 +28,41 @@ SKY_HD bool trace_connection(const SceneView& scene, const TracerView& tracer,
   return false;
 }
 
-/// Sample `sample` of pixel (x,y), absolute film coordinates.
+/// Starts sample `sample` of pixel (x,y), absolute film coordinates.
+SKY_HD void begin_path(const SceneView& scene, const RenderSettings& settings, int x, int y,
+                       uint32_t sample, PathState* path) {
+  const uint32_t seed = pixel_seed(settings.seed, x, y);
+  start_path(scene, settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter), path);
+}
+
+/// From one vertex to the next: traces, shades, traces the connections. False when the path ends.
+SKY_HD bool advance_path(const SceneView& scene, const TracerView& tracer,
+                         const RenderSettings& settings, int vertex, PathState* path,
+                         uint32_t* rays) {
+  const Hit hit = trace_ray(tracer, scene.instances, path->ray, false);
+  Connection connections[2];
+  int count = 0;
+  const VertexRandom random = vertex_random(path->seed, path->sample, vertex);
+  const bool alive = shade(scene, settings, hit, random, path, connections, &count);
+  for (int i = 0; i < count; ++i) {
+    if (trace_connection(scene, tracer, &connections[i], rays)) {
+      path->radiance += connection_radiance(
+          scene, connections[i], environment_uv(scene.environment, connections[i].ray.direction));
+    }
+  }
+  ++*rays;
+  // A path ends by its own rules; the bound only keeps an error in them from hanging a device.
+  return alive && vertex + 1 < settings.max_bounces + kMaxTransparentBounces + 2;
+}
+
+/// The whole of sample `sample` of pixel (x,y).
 SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
                              const RenderSettings& settings, int x, int y, uint32_t sample) {
-  const uint32_t seed = pixel_seed(settings.seed, x, y);
   PathState path;
-  start_path(scene, settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter), &path);
+  begin_path(scene, settings, x, y, sample, &path);
   uint32_t rays = 0;
-  const int max_vertices = settings.max_bounces + kMaxTransparentBounces + 2;
-  bool alive = true;
-  for (int vertex = 0; alive && vertex < max_vertices; ++vertex) {
-    const Hit hit = trace_ray(tracer, scene.instances, path.ray, false);
-    Connection connections[2];
-    int count = 0;
-    alive = shade(scene, settings, hit, vertex_random(seed, sample, vertex), &path, connections,
-                  &count);
-    for (int i = 0; i < count; ++i) {
-      if (trace_connection(scene, tracer, &connections[i], &rays)) {
-        path.radiance += connection_radiance(
-            scene, connections[i], environment_uv(scene.environment, connections[i].ray.direction));
-      }
-    }
-    ++rays;
-  }
+  int vertex = 0;
+  while (advance_path(scene, tracer, settings, vertex, &path, &rays)) ++vertex;
   return {path.radiance, path.alpha, rays};
 }
 
