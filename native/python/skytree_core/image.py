@@ -31,7 +31,9 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
     oiio = _openimageio()
     image = oiio.ImageInput.open(path)
     if image is None:
-        raise ValueError(f"{path}: not an image that OpenImageIO can read ({_error(oiio)}); save it as EXR or HDR")
+        raise ValueError(
+            f"{path}: not an image that OpenImageIO can read ({_error(oiio)}); save it as EXR or HDR"
+        )
     try:
         return _read(image, path)
     finally:
@@ -100,7 +102,9 @@ def _rgb_channels(names: list[str], path: str) -> list[int]:
     if grey is None and len(names) == 1:
         grey = 0
     if grey is None and rgb != [None, None, None]:
-        raise ValueError(f"{path}: has no full set of R, G and B channels, only {', '.join(names)}; save it as RGB")
+        raise ValueError(
+            f"{path}: has no full set of R, G and B channels, only {', '.join(names)}; save it as RGB"
+        )
     if grey is None and len(names) >= 3:
         return [0, 1, 2]
     if grey is None:
