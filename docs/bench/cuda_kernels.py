@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the CUDA kernels need, from the compiler: registers, local memory, spills, instructions, for each architecture.
+"""What the CUDA kernels need, from the compiler: registers, local memory, spills, instructions.
 
     python docs/bench/cuda_kernels.py [--arch 75 86 120]
 
@@ -24,7 +24,6 @@ SOURCES = [ROOT / "cuda" / "kernels.cu", Path(__file__).with_name("cuda_stages.c
 REGISTERS_PER_MULTIPROCESSOR = 65536
 REGISTER_STEP = 8  # per thread, what the hardware hands out
 WARPS_PER_MULTIPROCESSOR = {75: 32, 86: 48, 89: 48, 120: 48}  # else 64
-BYTES_OF_STATE = 2 * (100 + 20 + 2 * 52 + 5)  # one path between two stages, written and read
 
 
 @dataclass
@@ -73,10 +72,16 @@ def main():
     if not Path(nvcc).exists():
         sys.exit("nvcc was not found: install the CUDA toolkit, or put it on PATH.")
     started = time.perf_counter()
-    print(
-        "| architecture | kernel | registers | warps per multiprocessor | local bytes | spilt bytes | instructions |"
-    )
-    print("| --- | --- | --- | --- | --- | --- | --- |")
+    columns = [
+        "architecture",
+        "kernel",
+        "registers",
+        "warps per multiprocessor",
+        "local bytes",
+        "spilt bytes",
+    ]
+    print("|", " | ".join([*columns, "instructions"]), "|")
+    print("|", " | ".join(["---"] * 7), "|", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for arch in arguments.arch:
             for source in SOURCES:
