@@ -77,7 +77,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
         sync.set_camera(*camera)
         status.last.update(sync)
         self._report(sync.messages)
-        if self.test_break():
+        if self._is_cancelled():
             return
         sync_seconds = time.perf_counter() - started
 
@@ -110,20 +110,26 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
         started = last_update = time.perf_counter()
         interval = FIRST_UPDATE_SECONDS
         while not session.wait(POLL_SECONDS):
-            if self.test_break():
+            if self._is_cancelled():
                 session.cancel()
                 break
             now = time.perf_counter()
             done = session.samples_done
-            self.update_progress(done / samples)
-            self.update_stats("", f"Skytree: sample {done}/{samples}")
+            self._tell_progress(done, samples)
             if not bpy.app.background and done and now - last_update > interval:
                 self.write(session.pixels(), film, layer)
                 last_update = time.perf_counter()
                 interval = max(FIRST_UPDATE_SECONDS, UPDATE_SHARE * (last_update - started))
         if session.error is None and session.samples_done:
             self.write(session.pixels(), film, layer)
-            self.update_progress(session.samples_done / samples)
+            self._tell_progress(session.samples_done, samples)
+
+    def _is_cancelled(self) -> bool:
+        return self.test_break()
+
+    def _tell_progress(self, done: int, samples: int):
+        self.update_progress(done / samples)
+        self.update_stats("", f"Skytree: sample {done}/{samples}")
 
     def write(self, pixels: np.ndarray, film: Film, layer: str):
         width, height = film.region_size
