@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reading environment maps through OpenImageIO's Python module.
 
-The native library is not linked: Debian's pulls 357 MB of others with it, while the module is at hand everywhere (inside
-Blender, on PyPI, in Debian).
+The native library is not linked: Debian's pulls 357 MB of others with it, while the module is at hand
+everywhere (inside Blender, on PyPI, in Debian).
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ _INSTALL = "install it with `pip install OpenImageIO` or, on Debian, `apt instal
 def read_image(path: str | os.PathLike) -> np.ndarray:
     """Radiance of an image file: (H, W, 3) float32, scene-linear RGB, row 0 at the top, C-contiguous.
 
-    Reads what OpenImageIO reads: OpenEXR (scanline, tiled, mip-mapped, half, float, any compression), Radiance HDR
-    and more; the largest level of the first part. Channels are found by name: R, G and B in any order, or Y or a
-    single channel, which is taken as grey; others, alpha among them, are left out. Files of integers are taken as
-    sRGB. Values are as stored: NaN, infinite and negative ones stay (samplers count and skip them).
+    Reads what OpenImageIO reads: OpenEXR (scanline, tiled, mip-mapped, half, float, any compression),
+    Radiance HDR and more; the largest level of the first part. Channels are found by name: R, G and B in any
+    order, or Y or a single channel, which is taken as grey; others, alpha among them, are left out. Files of
+    integers are taken as sRGB. Values are as stored: NaN, infinite and negative ones stay (samplers count and
+    skip them).
 
-    Raises FileNotFoundError, IsADirectoryError, PermissionError or another OSError where the file cannot be read,
-    ValueError where it is not an image of this kind, ImportError without OpenImageIO; each names the file, the cause
-    and what can be done.
+    Raises FileNotFoundError, IsADirectoryError, PermissionError or another OSError where the file cannot be
+    read, ValueError where it is not an image of this kind, ImportError without OpenImageIO; each names the
+    file, the cause and what can be done.
     """
     path = os.fspath(path)
     _check_file(path)
     oiio = _openimageio()
     image = oiio.ImageInput.open(path)
     if image is None:
-        raise ValueError(
-            f"{path}: not an image that OpenImageIO can read ({_error(oiio)}); save it as EXR or HDR"
-        )
+        cause = oiio.geterror().strip() or "unknown error"
+        raise ValueError(f"{path}: not an image that OpenImageIO can read ({cause}); save it as EXR or HDR")
     try:
         return _read(image, path)
     finally:
@@ -102,9 +102,8 @@ def _rgb_channels(names: list[str], path: str) -> list[int]:
     if grey is None and len(names) == 1:
         grey = 0
     if grey is None and rgb != [None, None, None]:
-        raise ValueError(
-            f"{path}: has no full set of R, G and B channels, only {', '.join(names)}; save it as RGB"
-        )
+        found = ", ".join(names)
+        raise ValueError(f"{path}: has no full set of R, G and B channels, only {found}; save it as RGB")
     if grey is None and len(names) >= 3:
         return [0, 1, 2]
     if grey is None:
@@ -129,7 +128,3 @@ def _display_window(pixels: np.ndarray, spec) -> np.ndarray:
     if right > left and bottom > top:
         result[top:bottom, left:right] = pixels[top - y : bottom - y, left - x : right - x]
     return result
-
-
-def _error(oiio) -> str:
-    return oiio.geterror().strip() or "unknown error"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where real maps may lie: the folders in SKYTREE_HDRI, ../shared/hdri beside the repository, Blender as a module in build/."""
+"""Where real maps may lie: the folders in SKYTREE_HDRI, ../shared/hdri beside the repository, Blender as a
+module in build/."""
 
 import os
 from pathlib import Path
