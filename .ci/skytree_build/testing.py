@@ -16,6 +16,7 @@ from .packaging import build_native, build_wheel, install_wheel, package
 from .steps import BUILD, ROOT, BuildError, Finished, relative, run
 
 BLENDER_TESTS = ROOT / "blender_tests"
+MOST_REASON_LINES = 120
 IN_BLENDER = (BLENDER_TESTS, f"--ignore={BLENDER_TESTS / 'window'}")
 
 
@@ -33,10 +34,13 @@ class Outcome:
 def read_junit(report: Path, finished: Finished) -> Outcome:
     """Counts the tests of a JUnit file (pytest, GoogleTest); a bad exit code outweighs what the file says."""
     outcome = Outcome(closing=closing_lines(finished.log))
+    reasons = []
     if report.exists():
         for case in ElementTree.parse(report).iter("testcase"):
-            if case.find("failure") is not None or case.find("error") is not None:
+            broken = case.find("failure") if case.find("failure") is not None else case.find("error")
+            if broken is not None:
                 outcome.failed += 1
+                reasons += [f"  {case.get('classname')} {case.get('name')}", *reason_lines(broken)]
             elif case.find("skipped") is not None or case.get("status") == "notrun":
                 outcome.skipped += 1
             else:
@@ -46,8 +50,16 @@ def read_junit(report: Path, finished: Finished) -> Outcome:
     elif not outcome.passed and not outcome.failed:
         outcome.failed, outcome.note = 1, "ran no test"
     if outcome.failed:
-        outcome.closing = [*finished.tail(60).splitlines(), f"    the whole log: {relative(finished.log)}"]
+        # A report that names no failure was cut short: the end of the log has to say why.
+        outcome.closing[:0] = reasons[:MOST_REASON_LINES] or finished.tail().splitlines()
+        outcome.closing.append(f"  the whole log: {relative(finished.log)}")
     return outcome
+
+
+def reason_lines(broken: ElementTree.Element, most: int = 12) -> list[str]:
+    """The end of a failed test's traceback, which has the assertion, indented."""
+    text = (broken.text or "").strip() or broken.get("message") or "no reason given"
+    return [f"      {line}" for line in text.splitlines()[-most:]]
 
 
 def closing_lines(log: Path) -> list[str]:

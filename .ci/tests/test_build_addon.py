@@ -45,7 +45,7 @@ def test_wrong_usage_is_named(arguments, named):
 
 def test_help_lists_every_command():
     listed = build_addon("--help").stdout
-    for command in ("demo", "test", "build", "package", "bench", "figures"):
+    for command in ("demo", "test", "build", "package", "bench", "compare", "figures"):
         assert re.search(rf"^\s+{command} ", listed, re.M)
 
 
@@ -174,6 +174,17 @@ def test_counts_of_a_part(tmp_path, cases, returncode, counts):
 def test_part_without_report_has_failed(tmp_path):
     assert outcome_of(tmp_path, None, 1) == (0, 1, 0)
     assert outcome_of(tmp_path, None, 0) == (0, 1, 0)
+
+
+def test_failed_test_is_shown_with_its_reason(tmp_path):
+    log, junit = tmp_path / "part.log", tmp_path / "part.xml"
+    log.write_text("noise\n=== 1 failed in 0.1s ===\n")
+    junit.write_text(
+        '<t><testcase classname="test_a" name="test_b"><failure>line\nE  2 != 3</failure></testcase></t>'
+    )
+    closing = "\n".join(testing.read_junit(junit, Finished(1, log, [])).closing)
+    assert "test_a test_b" in closing and "E  2 != 3" in closing and str(log) in closing
+    assert "=== 1 failed" in closing and "noise" not in closing
 
 
 def test_every_part_runs_though_one_fails(monkeypatch, capsys):
