@@ -13,6 +13,7 @@ import bpy
 
 from . import display, native
 from .compare_methods import METHODS, Clock, Method, method_of
+from .compare_reader import read_for_render
 from .compare_render import Progress, Renderer, compare, timestamp
 from .compare_report import Comparison, write_report
 from .environments import SamplerSettings
@@ -73,8 +74,8 @@ class ReportJob:
         """Renders and writes; returns the files by name. Raises ValueError, RuntimeError, OSError or
         CompareCancelled."""
         started = timestamp()
-        depsgraph = bpy.context.evaluated_depsgraph_get()
-        renderer = Renderer(depsgraph, tell)
+        tell(Progress("reading the scene", 0.0))
+        renderer = read_for_render(self.scene, lambda depsgraph: Renderer(depsgraph, tell))
         best = Method(SamplerSettings())
         a, b, reference = compare(renderer, self.a, self.b, self.clock, best, self.reference_samples)
         tell(Progress("writing the report", 1.0))

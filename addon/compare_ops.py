@@ -45,6 +45,9 @@ class SKYTREE_OT_compare_report(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
+        if bpy.app.is_job_running("RENDER"):
+            cls.poll_message_set("Blender is rendering")
+            return False
         if context.scene is None or context.scene.camera is None:
             cls.poll_message_set("The scene has no camera")
             return False

@@ -27,7 +27,7 @@ POLL_SECONDS = 0.05
 TRIAL_SAMPLES = 8
 
 
-class CompareCancelled(Exception):  # noqa: N818 (nothing has failed)
+class CompareCancelled(Exception):
     """The user asked to stop; nothing is wrong."""
 
 
@@ -45,7 +45,6 @@ class Renderer:
         self.settings = RenderSettings.of(scene)
         self.film: Film = film_of(scene.render)
         self.tell = tell
-        tell(Progress("reading the scene", 0.0))
         self.sync = SceneSync()
         self.sync.sync(depsgraph)
         self.sync.set_camera(*camera_matrices(scene.camera, None, depsgraph, self.film))

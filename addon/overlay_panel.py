@@ -24,7 +24,7 @@ class _PicturePanel:
         map_pictures.follow(context.scene, settings.picture)
         icon = map_pictures.icon(settings.picture)
         if icon:
-            layout.template_icon(icon, scale=max(context.region.width / 24.0, 6.0))
+            layout.template_icon(icon, scale=min(max(context.region.width / 24.0, 6.0), 16.0))
         elif map_pictures.problem():
             layout.label(text=map_pictures.problem(), icon="ERROR")
         else:

@@ -288,6 +288,20 @@ def test_reports_that_cannot_be_made(lit, tmp_path):
         bpy.ops.skytree.compare_report(folder=str(tmp_path), a="kdtree", samples=1, reference_samples=2)
 
 
+def test_a_report_shows_what_a_final_render_shows(lit, tmp_path):
+    """Hidden in renders: not there. Hidden in the viewport alone: there. The file stays as it was."""
+    with_both = tmp_path / "both", tmp_path / "without"
+    lit.render.engine = "CYCLES"
+    bpy.data.objects["Sphere"].hide_viewport = True
+    for folder in with_both:
+        report(tmp_path, folder.name, samples=4)
+        bpy.data.objects["Sphere"].hide_render = True
+    assert lit.render.engine == "CYCLES"
+    both, without = (read_exr(folder / "comparison.exr")[0]["Reference.Combined.R"] for folder in with_both)
+    left, right = (np.abs(both - without)[:, half].mean() for half in (slice(24), slice(24, 48)))
+    assert left > 5.0 * right, "the left sphere was not in the first report or is in the second"
+
+
 def test_the_command_line(skytree, lit, tmp_path, capsys):
     main = part(skytree, "compare_cli").main
     out = tmp_path / "cli"

@@ -106,11 +106,16 @@ def scenario_pictures_follow_the_slider(w):
     scene.skytree.block_count = 256
     big = w.area
     big.type = "PROPERTIES"
+    yield 0.5  # its tabs are known once it was drawn
     big.spaces.active.context = "WORLD"
     for kind in ("BLOCKS", "PDF", "EXPOSURE"):
         overlay.picture = kind
         yield from w.until(lambda kind=kind: pictures.icon(kind) != 0, what=f"the picture {kind}")
         yield from w.until(lambda: not pictures._drawing, what="the picture")
+        for _ in range(40):  # to where the picture is
+            middle = {"x": big.x + big.width // 2, "y": big.y + big.height // 3}
+            w.window.event_simulate(type="MOUSEMOVE", value="NOTHING", **middle)
+            w.window.event_simulate(type="WHEELDOWNMOUSE", value="PRESS", **middle)
         yield 0.5
         screenshot = str(w.folder / f"panel_{kind.lower()}.png")
         region = next(r for r in big.regions if r.type == "WINDOW")
