@@ -70,6 +70,8 @@ def view_transform(scene) -> ViewTransform | None:
 
 
 def clear():
+    if bpy.app.timers.is_registered(_bake_requested):
+        bpy.app.timers.unregister(_bake_requested)
     _baked.clear()
     _failed.clear()
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import bpy
 import bpy.utils.previews
 import numpy as np
+from bpy.app.handlers import persistent
 
 from . import pictures, viewport_clock
 from .environments import BuiltEnvironment, SamplerSettings, environments
@@ -173,6 +174,7 @@ def _pool() -> ThreadPoolExecutor:
     return _worker
 
 
+@persistent
 def clear(*_):
     """Forgets everything; what a thread still draws is dropped."""
     global _current, _building
