@@ -13,13 +13,15 @@ JUDGED_TEXELS = 1 << 20
 # That many texels that share the largest value exactly, far above the mean, are a limit and no sun.
 CLIPPED_TEXELS = 4
 CLIPPED_CONTRAST = 16.0
+# Share of the mean.
+RINGING = 0.01
 # Below this importance sampling of the map saves less than a tenth of the samples.
 SMOOTH_GAIN = 1.1
 
 
 @dataclass(frozen=True)
 class MapFigures:
-    bad_texels: int  # NaN, infinite or negative in a channel
+    bad_texels: int  # NaN, infinite or clearly negative in a channel
     largest: float
     clipped_texels: int  # texels at `largest`, if that looks like the limit of a format; else 0
     gain: float  # second moment of a sample by uniform directions over that by the map's own density
@@ -34,9 +36,8 @@ def map_figures(image: np.ndarray) -> MapFigures:
 
     The gain compares second moments of one-sample estimates of the light from all directions, with L the
     luminance: uniform directions have 4 pi * integral of L^2, the map's own density has (integral of L)^2."""
-    good = (image >= 0.0) & (image <= np.finfo(np.float32).max)
-    bad = int(image.shape[0] * image.shape[1] - np.count_nonzero(good.all(axis=2)))
-    clean = np.where(good, image, 0.0) if bad else image
+    usable = (image >= 0.0) & (image <= np.finfo(np.float32).max)
+    clean = image if usable.all() else np.where(usable, image, 0.0)
     brightest = clean.max(axis=2)
     largest = float(brightest.max())
 
@@ -47,6 +48,10 @@ def map_figures(image: np.ndarray) -> MapFigures:
     weight = weight / (weight.sum() * luminance.shape[1])
     mean = float((luminance * weight).sum())
     gain = float((luminance**2 * weight).sum()) / mean**2 if mean > 0.0 else 1.0
+
+    # Ringing of a filter or a codec leaves values just below zero, which nobody needs to repair.
+    passable = usable | ((image < 0.0) & (image > -RINGING * mean))
+    bad = int(np.count_nonzero(~passable.all(axis=2)))
 
     at_limit = int(np.count_nonzero(brightest == largest))
     is_clipped = at_limit >= CLIPPED_TEXELS and largest > CLIPPED_CONTRAST * mean > 0.0

@@ -20,7 +20,7 @@ ROOT = HERE.parent.parent
 SCREENSHOTS = Path(os.environ.get("SKYTREE_SCREENSHOTS") or ROOT / "build" / "screenshots")
 # Software OpenGL composes every pixel of the window: small is quick.
 WIDTH, HEIGHT = 800, 520
-LIMIT_SECONDS = 420
+LIMIT_SECONDS = 900
 
 
 def scenarios() -> list[tuple[str, str]]:
