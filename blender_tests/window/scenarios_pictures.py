@@ -110,8 +110,9 @@ def scenario_pictures_follow_the_slider(w):
     big.spaces.active.context = "WORLD"
     for kind in ("BLOCKS", "PDF", "EXPOSURE"):
         overlay.picture = kind
-        yield from w.until(lambda kind=kind: pictures.icon(kind) != 0, what=f"the picture {kind}")
-        yield from w.until(lambda: not pictures._drawing, what="the picture")
+        yield from until_current(w, 256)
+        shows_it = lambda kind=kind: pictures._shown.get(kind) == current(w).key  # noqa: E731
+        yield from w.until(shows_it, what=f"the picture {kind}")
         for _ in range(40):  # to where the picture is
             middle = {"x": big.x + big.width // 2, "y": big.y + big.height // 3}
             w.window.event_simulate(type="MOUSEMOVE", value="NOTHING", **middle)
