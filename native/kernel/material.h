@@ -48,7 +48,7 @@ struct Shading {
 };
 
 /// Directional albedo of dielectric GGX, what the layer below does not get. Axes: perceptual
-/// roughness, cosine of the view angle, (eta-1)/(eta+1) from 0 to kAlbedoMaxReflectance.
+/// roughness, cosine of the view angle, (eta-1)/(eta+1) from 0 to kAlbedoMaxSqrtF0.
 constexpr int kAlbedoTableSize = 16;
 constexpr float kAlbedoMaxSqrtF0 = 0.75f;
 
@@ -113,27 +113,34 @@ SKY_HD void set_frame(Lobe* lobe, Vec3 normal, Vec3 tangent, float rotation) {
 
 SKY_HD float mean_component(Vec3 v) { return (v.x + v.y + v.z) * (1.0f / 3.0f); }
 
-/// Adds the lobe unless it reflects nothing. `select` is its share before normalisation.
-SKY_HD void add_lobe(Shading* shading, const Lobe& lobe, float select) {
-  if (!(select > 0.0f) || shading->count >= kMaxLobes) return;
-  shading->lobes[shading->count] = lobe;
-  shading->lobes[shading->count].select = select;
-  ++shading->count;
+/// Room for one more lobe. It counts once keep_lobe has been told its share.
+SKY_HD Lobe* next_lobe(Shading* shading) {
+  // The host refuses materials that could need more than kMaxLobes.
+  return &shading->lobes[shading->count < kMaxLobes ? shading->count : kMaxLobes - 1];
+}
+
+/// Keeps the lobe unless it reflects nothing. `select` is its share before normalisation.
+SKY_HD void keep_lobe(Shading* shading, Lobe* lobe, float select) {
+  lobe->select = select;
+  shading->count += select > 0.0f && shading->count < kMaxLobes;
 }
 
 SKY_HD void add_diffuse(Shading* shading, Vec3 normal, Vec3 weight) {
-  Lobe lobe;
-  lobe.type = LobeType::kDiffuse;
-  lobe.normal = normal;
-  lobe.weight = weight;
-  add_lobe(shading, lobe, mean_component(weight));
+  Lobe* lobe = next_lobe(shading);
+  lobe->type = LobeType::kDiffuse;
+  lobe->normal = normal;
+  lobe->weight = weight;
+  keep_lobe(shading, lobe, mean_component(weight));
 }
 
 /// The frame needs a tangent only where the lobe is anisotropic; fetching it costs more than the
 /// lobe.
-SKY_HD void set_glossy_frame(Lobe* lobe, const MeshView& mesh, const InstanceView& instance,
-                             const Hit& hit, Vec3 normal, float rotation) {
-  if (lobe->alpha_x == lobe->alpha_y) {
+SKY_HD void set_glossy_frame(Lobe* lobe, Vec2 alpha, const MeshView& mesh,
+                             const InstanceView& instance, const Hit& hit, Vec3 normal,
+                             float rotation) {
+  lobe->alpha_x = alpha.x;
+  lobe->alpha_y = alpha.y;
+  if (alpha.x == alpha.y) {
     lobe->normal = normal;
     orthonormal_basis(normal, &lobe->tangent, &lobe->bitangent);
   } else {
@@ -142,29 +149,33 @@ SKY_HD void set_glossy_frame(Lobe* lobe, const MeshView& mesh, const InstanceVie
 }
 
 SKY_HD void add_principled(const MaterialTables& tables, const Closure& closure,
-                           const Surface& surface, Vec3 normal, Lobe frame, float roughness,
+                           const Surface& surface, Vec3 normal, const Lobe& frame, float roughness,
                            Vec3 view, Shading* shading) {
   const Vec3 base = textured(tables, closure.color, closure.color_texture, surface.uv);
   const float metallic =
       clampf(textured(tables, closure.metallic, closure.metallic_texture, surface.uv), 0.0f, 1.0f);
   const float cosine = dot(normal, view);
   if (metallic > 0.0f) {
-    frame.type = LobeType::kMetal;
-    frame.f0 = base;
+    Lobe* lobe = next_lobe(shading);
+    *lobe = frame;
+    lobe->type = LobeType::kMetal;
+    lobe->f0 = base;
     const float w = closure.weight * metallic;
-    frame.weight = {w, w, w};
-    add_lobe(shading, frame,
-             w * mean_component(base + (Vec3{1, 1, 1} - base) * schlick_weight(cosine)));
+    lobe->weight = {w, w, w};
+    keep_lobe(shading, lobe,
+              w * mean_component(base + (Vec3{1, 1, 1} - base) * schlick_weight(cosine)));
   }
   const float rest = closure.weight * (1.0f - metallic);
   if (!(rest > 0.0f)) return;
   float albedo = 0.0f;
   if (closure.eta > 1.0f) {
     albedo = dielectric_albedo(tables.dielectric_albedo, roughness, cosine, closure.eta);
-    frame.type = LobeType::kDielectric;
-    frame.eta = closure.eta;
-    frame.weight = {rest, rest, rest};
-    add_lobe(shading, frame, rest * albedo);
+    Lobe* lobe = next_lobe(shading);
+    *lobe = frame;
+    lobe->type = LobeType::kDielectric;
+    lobe->eta = closure.eta;
+    lobe->weight = {rest, rest, rest};
+    keep_lobe(shading, lobe, rest * albedo);
   }
   add_diffuse(shading, normal, base * (rest * (1.0f - albedo)));
 }
@@ -203,25 +214,27 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
           closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv));
       continue;
     }
-    Lobe lobe;
     const float roughness = clampf(
         textured(tables, closure.roughness, closure.roughness_texture, surface.uv), 0.0f, 1.0f);
     Vec2 alpha = {closure.alpha_x, closure.alpha_y};
     if (closure.type == ClosureType::kGlossy) alpha = glossy_alpha(roughness, closure.anisotropy);
     if (closure.type == ClosureType::kPrincipled) {
       alpha = principled_alpha(roughness, closure.anisotropy);
+      Lobe frame;
+      set_glossy_frame(&frame, alpha, mesh, instance, hit, normal, closure.rotation);
+      add_principled(tables, closure, surface, normal, frame, roughness, view, shading);
+      continue;
     }
-    lobe.alpha_x = alpha.x;
-    lobe.alpha_y = alpha.y;
-    set_glossy_frame(&lobe, mesh, instance, hit, normal, closure.rotation);
-    if (closure.type == ClosureType::kPrincipled) {
-      add_principled(tables, closure, surface, normal, lobe, roughness, view, shading);
-    } else {
-      lobe.type = closure.type == ClosureType::kWard ? LobeType::kWard : LobeType::kGlossy;
-      lobe.weight =
-          closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv);
-      add_lobe(shading, lobe, mean_component(lobe.weight));
-    }
+    Lobe* lobe = next_lobe(shading);
+    lobe->type = closure.type == ClosureType::kWard ? LobeType::kWard : LobeType::kGlossy;
+    set_glossy_frame(lobe, alpha, mesh, instance, hit, normal, closure.rotation);
+    lobe->weight =
+        closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv);
+    keep_lobe(shading, lobe, mean_component(lobe->weight));
+  }
+  if (shading->count == 1) {
+    shading->lobes[0].select = 1.0f;
+    return;
   }
   float total = 0.0f;
   for (int i = 0; i < shading->count; ++i) total += shading->lobes[i].select;

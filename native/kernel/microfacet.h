@@ -37,20 +37,26 @@ SKY_HD Vec3 ggx_sample_visible_normal(Vec3 view, float alpha_x, float alpha_y, V
   return normalize({h.x * alpha_x, h.y * alpha_y, maxf(h.z, 1e-7f)});
 }
 
-/// Cycles' reading of anisotropy in [-1,1] for its Glossy BSDF node; alpha = roughness^2.
+/// Narrower than this a lobe is finer than a float direction resolves; it also stands for the
+/// mirror.
+constexpr float kLeastAlpha = 1e-4f;
+
+/// Cycles' reading of anisotropy in [-1,1] for its Glossy BSDF node; alpha = roughness^2. Like
+/// Cycles' it saturates: of a rough lobe only the one axis gets narrower.
 SKY_HD Vec2 glossy_alpha(float roughness, float anisotropy) {
-  // Below this the lobe is narrower than a float direction resolves; also the mirror.
-  const float alpha = maxf(roughness * roughness, 1e-4f);
+  const float alpha = maxf(roughness * roughness, kLeastAlpha);
   const float a = clampf(anisotropy, -0.99f, 0.99f);
-  if (a < 0.0f) return {alpha / (1.0f + a), alpha * (1.0f + a)};
-  return {alpha * (1.0f - a), alpha / (1.0f - a)};
+  const float narrow = 1.0f - fabsf(a);
+  const float least = maxf(alpha * narrow, kLeastAlpha);
+  const float largest = minf(alpha / narrow, 1.0f);
+  return a < 0.0f ? Vec2{largest, least} : Vec2{least, largest};
 }
 
 /// Cycles' reading of anisotropic in [0,1] for its Principled BSDF node.
 SKY_HD Vec2 principled_alpha(float roughness, float anisotropic) {
-  const float alpha = maxf(roughness * roughness, 1e-4f);
+  const float alpha = maxf(roughness * roughness, kLeastAlpha);
   const float aspect = sqrtf(1.0f - clampf(anisotropic, 0.0f, 1.0f) * 0.9f);
-  return {alpha / aspect, alpha * aspect};
+  return {minf(alpha / aspect, 1.0f), alpha * aspect};
 }
 
 /// Unpolarised Fresnel reflectance of a dielectric; eta = inside over outside.

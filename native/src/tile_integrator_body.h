@@ -7,8 +7,17 @@
 namespace skytree {
 namespace SKYTREE_ISA {
 
-/// Fills a packet from ray_at(first), ...; lanes beyond count repeat the first and are switched
-/// off.
+/// What all packets have in common.
+static void clear_packet(RTCRay8* packet) {
+  for (int lane = 0; lane < 8; ++lane) {
+    packet->time[lane] = 0.0f;
+    packet->mask[lane] = ~0u;
+    packet->id[lane] = 0;
+    packet->flags[lane] = 0;
+  }
+}
+
+/// Rays ray_at(first), ... into a packet; lanes beyond count repeat the first and are switched off.
 template <class RayAt>
 static void fill_packet(RTCRay8* packet, int* valid, int first, int count, const RayAt& ray_at) {
   for (int lane = 0; lane < 8; ++lane) {
@@ -23,10 +32,6 @@ static void fill_packet(RTCRay8* packet, int* valid, int first, int count, const
     packet->dir_z[lane] = ray.direction.z;
     packet->tnear[lane] = ray.t_min;
     packet->tfar[lane] = ray.t_max;
-    packet->time[lane] = 0.0f;
-    packet->mask[lane] = ~0u;
-    packet->id[lane] = 0;
-    packet->flags[lane] = 0;
   }
 }
 
@@ -39,6 +44,7 @@ static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hi
   if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   alignas(32) int valid[8];
   RTCRayHit8 packet;
+  clear_packet(&packet.ray);
   for (int first = 0; first < count; first += 8) {
     fill_packet(&packet.ray, valid, first, count, ray_at);
     for (int lane = 0; lane < 8; ++lane) packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
@@ -59,6 +65,7 @@ static void trace_any(const IntegratorJob& job, const Connection* connections, i
   rtcInitIntersectContext(&context);
   alignas(32) int valid[8];
   RTCRay8 packet;
+  clear_packet(&packet);
   auto ray_at = [&](int i) -> const Ray& { return connections[i].ray; };
   for (int first = 0; first < count; first += 8) {
     fill_packet(&packet, valid, first, count, ray_at);
