@@ -271,6 +271,10 @@ def test_wheel_has_a_module_for_each_python_of_its_name(wheel):
     assert "311" in pythons and sorted(pythons) == sorted(modules)
 
 
+def test_package_says_the_projects_version(wheel):
+    assert f'__version__ = "{packaging.VERSION}"' in wheel.read("skytree_core/__init__.py").decode()
+
+
 def test_bundled_libraries_have_names_of_their_own_and_licences(wheel, tmp_path):
     wheel.extractall(tmp_path)
     libraries = tmp_path / "skytree_core" / "lib"

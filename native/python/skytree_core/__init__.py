@@ -9,19 +9,26 @@ Method: Ergun, Kurt and Ozturk, "Real-time Kd-tree Based Importance Sampling of 
 World axes are Blender's: +Z up, and a direction meets the texel that Cycles shows there.
 """
 
-from ._native import (
-    AliasSampler,
-    BuildCancelled,
-    Device,
-    EnvironmentSampler,
-    InversionSampler,
-    KdTreeSampler,
-    RenderSession,
-    Scene,
-    UniformSampler,
-    cuda_problem,
-    devices,
-)
+try:
+    from ._native import (
+        AliasSampler,
+        BuildCancelled,
+        Device,
+        EnvironmentSampler,
+        InversionSampler,
+        KdTreeSampler,
+        RenderSession,
+        Scene,
+        UniformSampler,
+        cuda_problem,
+        devices,
+    )
+except ModuleNotFoundError as error:
+    if error.name != f"{__name__}._native":
+        raise
+    from ._missing import explain
+
+    raise ImportError(explain()) from None
 from .image import read_image
 
 __version__ = "0.1.0"
