@@ -261,5 +261,3 @@ def demo_objects(scene):
     glossy = material("ShaderNodeBsdfGlossy", "Metal", Color=(0.9, 0.9, 0.9), Roughness=0.4)
     shader_node(glossy).distribution = "GGX"
     sphere(scene, (1.2, 0, 1), material=glossy)
-
-

@@ -71,8 +71,11 @@ def test_material_slots_and_corners_index_as_documented():
     red = scene.add_material([{"type": "EMISSION", "color": (1, 0, 0)}])
     blue = scene.add_material([{"type": "EMISSION", "color": (0, 0, 1), "strength": 2.0}])
     mesh = scene.add_mesh(
-        SQUARE, TWO_TRIANGLES, material_slots=np.array([1, 0], np.int32),
-        corners=TWO_TRIANGLES, corner_normals=np.tile(np.float32([0, 0, 1]), (4, 1)),
+        SQUARE,
+        TWO_TRIANGLES,
+        material_slots=np.array([1, 0], np.int32),
+        corners=TWO_TRIANGLES,
+        corner_normals=np.tile(np.float32([0, 0, 1]), (4, 1)),
     )
     instance = scene.add_instance(mesh, np.eye(4), [red, blue])
     scene.set_camera(ABOVE, PERSPECTIVE)
