@@ -7,7 +7,7 @@ equal samples, and the time to take over a large scene.
 
 `./build_addon.py bench` runs it; by hand, from an environment that has skytree_core:
 
-    python docs/bench/render_vs_cycles.py [--zip ZIP] [--hdri MAP] [--rounds 5] [--page FILE]
+    python docs/bench/render_vs_cycles.py [--zip ZIP] [--hdri MAP] [--rounds 4] [--page FILE]
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from demo import DemoError, bundled_map, newest_zip  # noqa: E402
 
 WIDTH, HEIGHT = 160, 120
 # Two sample counts each: the difference of their times has no start-up in it.
-TIMED_SAMPLES = {"SKYTREE": (64, 576), "CYCLES": (32, 160)}
+TIMED_SAMPLES = {"SKYTREE": (32, 288), "CYCLES": (16, 112)}
 ERROR_SAMPLES = (4, 16, 64)
 ERROR_SEEDS = (0, 1, 2, 3)
-REFERENCE_SAMPLES = 1024  # of each of two halves
+REFERENCE_SAMPLES = 512  # of each of two halves
 
 METHODS = {
     "Skytree, kd-tree (default)": ("SKYTREE", {}),
@@ -171,7 +171,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--zip", type=Path, help="the add-on; default: the newest dist/skytree-*.zip")
     parser.add_argument("--hdri", type=Path, help="lat-long map; default: city.exr, which comes with Blender")
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "benchmarks.md")
     parser.add_argument("--samplers", type=Path, default=ROOT / "build" / "reports" / "bench.json")
     arguments = parser.parse_args()
@@ -187,9 +187,9 @@ def main() -> int:
             Progress(*columns, console=console) as progress,
         ):
             bench = Bench(addon, hdri, [str(blender)], Path(folder), progress)
+            sync = sync_times(bench, blenders_here(), 3)
             times = time_per_sample(bench, arguments.rounds)
             error = errors(bench)
-            sync = sync_times(bench, blenders_here(), 3)
     except (BlenderError, DemoError) as failure:
         console.print(f"bench: {failure}", style="red", markup=False, highlight=False)
         return 1
