@@ -24,7 +24,7 @@ def minimax(f, lo, hi, terms, scale=lambda x: np.ones_like(x), iterations=400):
 
 
 def series(a0, ratio, terms):
-    """Sum of terms with a_{k+1} = a_k * ratio(k), a function of x: exact near 0, where closed forms cancel."""
+    """Sum of terms with a_{k+1} = a_k * ratio(k), a function of x: exact near 0 where closed forms cancel."""
 
     def f(x):
         total, a, power = np.zeros_like(x), a0, np.ones_like(x)
