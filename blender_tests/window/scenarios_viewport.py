@@ -12,7 +12,7 @@ from mathutils import Quaternion
 def set_up(w, map_name: str = "city"):
     """The test scene under a bundled HDRI, seen from the side, in Solid shading."""
     scene = scenes.new_scene()
-    scene.skytree.preview_samples = 8
+    scene.skytree.preview_samples = 2
     scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled(map_name))
     view = w.space.region_3d
@@ -27,6 +27,7 @@ def set_up(w, map_name: str = "city"):
 def scenario_rendered(w):
     """Rendered shading shows the scene, refines, and stops at preview_samples."""
     scene = set_up(w)
+    scene.skytree.preview_samples = 16
     yield 0.3
     assert not w.renderers()
     w.shade("RENDERED")
@@ -76,7 +77,7 @@ def scenario_orbit_pan_zoom(w):
         yield from w.until_still()
         assert renderer.view != view, name
         assert len(set(shown)) > 1, f"no picture was shown on the way of {name}"
-        assert renderer.picture.view == renderer.view and renderer.samples_done == 8
+        assert renderer.picture.view == renderer.view and renderer.samples_done == 2
     after = w.view_of(w.shot("orbit_after"), 0.2)
     assert difference(before, after) > 0.02
     w.figure("first picture of the last view, ms", renderer.first_picture_seconds * 1000)
@@ -84,7 +85,7 @@ def scenario_orbit_pan_zoom(w):
 
 def scenario_beside_cycles(w):
     """The same view through Cycles: camera, background, light and view transform agree."""
-    yield from rendered(w)
+    yield from rendered(w, preview_samples=8)
     ours = w.view_of(w.shot("beside_cycles_skytree"), 0.2)
     w.shade("SOLID")
     scene = w.scene
