@@ -46,6 +46,16 @@ void for_each_table(EnvSamplerView* view, Visit visit) {
 
 }  // namespace
 
+std::vector<SamplerTable> sampler_tables(const EnvSamplerView& host) {
+  EnvSamplerView view = host;
+  std::vector<SamplerTable> tables;
+  for_each_table(&view, [&](auto* pointer, size_t count) {
+    const auto offset = reinterpret_cast<char*>(pointer) - reinterpret_cast<char*>(&view);
+    if (*pointer) tables.push_back({size_t(offset), *pointer, count * sizeof(**pointer)});
+  });
+  return tables;
+}
+
 DeviceSampler::DeviceSampler(const ContextPointer& context, const EnvSamplerView& host)
     : view_(host) {
   for_each_table(&view_, [&](auto* pointer, size_t count) {

@@ -22,4 +22,12 @@ class DeviceSampler {
   std::vector<Buffer> tables_;
 };
 
+/// One array behind a view: where in the view its pointer stands, and its contents on the host.
+struct SamplerTable {
+  size_t pointer_offset;
+  const void* data;
+  size_t bytes;
+};
+std::vector<SamplerTable> sampler_tables(const EnvSamplerView& host);
+
 }  // namespace skytree::cuda

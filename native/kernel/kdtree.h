@@ -20,7 +20,7 @@ namespace skytree {
 /// Where unit random numbers land in a block: u = u_start + u_slope * r, h = h_start + h_slope * s
 /// with h as in direction_at_height; a negative h_slope says that h is measured from -Z. So theta
 /// grows with s always.
-struct BlockWarp {
+struct alignas(16) BlockWarp {  // one load on a GPU
   float u_start, u_slope;
   float h_start, h_slope;
 };

@@ -7,9 +7,11 @@
 #include <vector>
 
 #include "bindings.h"
+#include "cuda/device_sampler.h"
 #include "cuda/driver.h"
 #include "cuda/kernel_image.h"
 #include "cuda/renderer.h"
+#include "src/environment_sampler.h"
 
 namespace py = pybind11;
 
@@ -73,6 +75,20 @@ void bind_devices(py::module_& m) {
       .def("__repr__", [](const Device& d) { return "<Device " + d.id + ": " + d.name + ">"; });
   m.def("devices", &devices,
         "What this machine can render on: the CPU first, then every usable GPU.");
+  m.def(
+      "_sampler_tables",
+      [](const EnvironmentSampler& sampler) {
+        const EnvSamplerView view = sampler.view();
+        py::list tables;
+        for (const cuda::SamplerTable& table : cuda::sampler_tables(view)) {
+          tables.append(py::make_tuple(
+              table.pointer_offset, py::bytes(static_cast<const char*>(table.data), table.bytes)));
+        }
+        return py::make_tuple(py::bytes(reinterpret_cast<const char*>(&view), sizeof view), tables);
+      },
+      "A sampler as kernels see it, for docs/bench/cuda_samplers.py: the view's bytes, and for "
+      "each array behind it the "
+      "offset of its pointer and its bytes.");
   m.def("cuda_problem", &cuda_problem, "Why no GPU can be used, or None if one can.");
 }
 
