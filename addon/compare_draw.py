@@ -64,9 +64,9 @@ def _difference_shader():
 def draw_difference(a, b, x, y, width, height, gain: float):
     """gain * |a - b| of two textures into a rectangle, as scene-linear values."""
     shader = _difference_shader()
-    corners = ((x, y), (x + width, y), (x + width, y + height), (x, y + height))
-    uvs = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-    batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners, "uv": uvs})
+    corners = ((x, y), (x + width, y), (x, y + height), (x + width, y + height))
+    uvs = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
+    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "uv": uvs})
     shader.bind()
     shader.uniform_sampler("image_a", a)
     shader.uniform_sampler("image_b", b)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,8 +59,9 @@ class Side:
     picture: Picture | None = None
     texture: tuple | None = None
     seconds: float = 0.0  # of rendering the picture
+    taken_at: float = 0.0  # when the picture was taken
     measured_at: int = 0  # samples that the last measurement was asked for
-    steps: list[Step] = None
+    steps: list[Step] = field(default_factory=list)
     figures: Future | None = None  # of the sampler, see compare_metrics.sampler_figures
     finished: bool = False
 
@@ -129,7 +130,7 @@ class CompareView:
         self._renderer = renderer
         renderer.before_upload.append(self._stop)
         self.request: Request | None = None
-        self.sides = {name: Side(steps=[]) for name in SIDES}
+        self.sides = {name: Side() for name in SIDES}
         self.captured: CapturedReference | None = None
         self.capture: Capture | None = None
         self.problem = ""
@@ -138,7 +139,7 @@ class CompareView:
         self._stale = True
         self._divisor = 0
         self._started = 0.0
-        self._uploaded = 0.0
+        self._progress_shown = 0.0
         self._measuring: list[tuple[str, tuple, Future]] = []
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="skytree-compare")
 
@@ -190,7 +191,7 @@ class CompareView:
         if self._stop in self._renderer.before_upload:
             self._renderer.before_upload.remove(self._stop)
         self._worker.shutdown(wait=False, cancel_futures=True)
-        self.sides = {name: Side(steps=[]) for name in SIDES}
+        self.sides = {name: Side() for name in SIDES}
         self.captured = None
 
     # The reference
@@ -262,9 +263,9 @@ class CompareView:
             self.captured, self.capture = done, None
             self._stale = True
         now = time.perf_counter()
-        if done is None and now - self._uploaded < REFINEMENT_SECONDS:
+        if done is None and now - self._progress_shown < REFINEMENT_SECONDS:
             return False
-        self._uploaded = now
+        self._progress_shown = now
         return True
 
     def _advance_side(self, name: str, side: Side, now: float) -> bool:
@@ -283,12 +284,11 @@ class CompareView:
         if done == before and not (side.finished and self._divisor == 1):
             return False
         is_due = done >= 2 * max(side.measured_at, 1) or side.measured_at == 0 or side.finished
-        if running and before and not is_due and now - self._uploaded < REFINEMENT_SECONDS:
+        if running and before and not is_due and now - side.taken_at < REFINEMENT_SECONDS:
             return False
         seconds = side.session.render_seconds if side.finished else now - self._started
         side.picture = Picture(side.session.pixels(), self.request.view, self._divisor, done, seconds)
-        side.seconds = seconds
-        self._uploaded = now
+        side.seconds, side.taken_at = seconds, now
         if self._divisor == 1 and is_due and side.method is not None:
             self._measure(name, side)
         return True

@@ -87,10 +87,10 @@ def scenario_reference_and_figures(w):
     compared.mode = "SPLIT"
     yield from until_compared(w)
     with w.override():
-        assert bpy.ops.skytree.capture_reference(samples=64) == {"FINISHED"}
+        assert bpy.ops.skytree.capture_reference(samples=16) == {"FINISHED"}
     view = view_in(w)
     assert view.capture is not None
-    yield from w.until(lambda: view.reference is not None, what="the reference")
+    yield from w.until(lambda: view.reference is not None, seconds=150.0, what="the reference")
     yield from until_compared(w)
     errors = {name: view.sides[name].steps[-1].errors["relmse"] for name in "ab"}
     assert errors["a"] < 0.1 * errors["b"], errors
@@ -113,11 +113,11 @@ def scenario_captured_reference_as_side(w):
     compared.mode = "DIFFERENCE"
     yield from until_compared(w)
     with w.override():
-        bpy.ops.skytree.capture_reference(samples=32)
-    yield from w.until(lambda: view_in(w).reference is not None, what="the reference")
+        bpy.ops.skytree.capture_reference(samples=16)
+    yield from w.until(lambda: view_in(w).reference is not None, seconds=150.0, what="the reference")
     yield from until_compared(w)
     b = view_in(w).sides["b"]
-    assert b.picture.samples == 32
+    assert b.picture.samples == 16
     assert np.array_equal(b.picture.pixels[..., :3], view_in(w).reference.image)
     w.shot("difference_to_reference")
 
