@@ -23,9 +23,8 @@ def comparison(skytree):
     for name, method, color in (("a", "KDTREE", KDTREE), ("b", "UNIFORM", UNIFORM)):
         pixels = np.ones((HEIGHT, WIDTH, 4), np.float32)
         pixels[..., :3] = color
-        sides[name] = view_module.Side(
-            methods.Method(settings(method)), picture=picture(pixels, view, 1, 64, 0.5)
-        )
+        method = methods.Method(settings(method))
+        sides[name] = view_module.Side(method, picture=picture(pixels, view, 1, 64, 0.5), seconds=0.5)
     return SimpleNamespace(
         sides=sides, request=SimpleNamespace(view=view), problem="", capture=None, captured=None,
         reference_is_stale=False,
