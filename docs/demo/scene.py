@@ -2,7 +2,8 @@
 """The demo scene, built by code inside Blender: the teapot in chrome steel among spheres of six materials on
 a round table, lit by an environment map alone, as in Figures 3 and 6 of Ergun, Kurt, Ozturk, "Real-time Kd-
 tree Based
-Importance Sampling of Environment Maps" (SCCG 2012). Works in every engine that knows Blender's own nodes."""
+Importance Sampling of Environment Maps" (SCCG 2012). Works in every engine
+that knows Blender's own nodes; some of them have these names from Blender 4.0 on."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ TABLE_PROFILE = [
     (4.75, -0.175), (4.75, -0.07), (4.68, 0.0), (4.55, 0.0), (3.0, 0.0), (1.5, 0.0), (0.0, 0.0),
 ]  # fmt: skip
 
-# name, (x, y, radius), material. The row reads as the paper's Figure 6: from matte to mirror.
+# name of the sphere and its material, (x, y, radius). The row reads as the paper's Figure 6: from matte to mirror.
 SPHERES = [
     ("Diffuse", (-2.25, -1.35, 0.52)),
     ("Principled plastic", (-1.08, -1.95, 0.48)),
@@ -29,10 +30,23 @@ SPHERES = [
 ]
 
 
+DIFFUSE, GLOSSY, PRINCIPLED = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfPrincipled"
+MATERIALS = {
+    "Chrome steel": (GLOSSY, {"Color": (0.62, 0.63, 0.64, 1), "Roughness": 0.18}),
+    "Table": (DIFFUSE, {"Color": (0.36, 0.34, 0.32, 1)}),
+    "Diffuse": (DIFFUSE, {"Color": (0.66, 0.17, 0.1, 1)}),
+    "Principled plastic": (PRINCIPLED, {"Base Color": (0.02, 0.16, 0.5, 1), "Roughness": 0.25}),
+    "Glossy 0.5": (GLOSSY, {"Color": (0.75, 0.75, 0.75, 1), "Roughness": 0.5}),
+    "Glossy 0.2": (GLOSSY, {"Color": (0.9, 0.56, 0.42, 1), "Roughness": 0.2}),
+    "Anisotropic": (GLOSSY, {"Color": (0.72, 0.74, 0.78, 1), "Roughness": 0.35, "Anisotropy": 0.8}),
+    "Gold": (GLOSSY, {"Color": (1.0, 0.72, 0.32, 1), "Roughness": 0.3}),
+}
+
+
 def build(scene: bpy.types.Scene, hdri: Path, rotation: float = 0.0) -> None:
     """Fills an empty scene with objects, camera and a world lit by the map, turned by rotation radians about
     +Z."""
-    materials = make_materials()
+    materials = {name: material(name, *shader) for name, shader in MATERIALS.items()}
     pot = add_mesh(scene, "Teapot", teapot.teapot(segments=16), materials["Chrome steel"])
     pot.scale = (0.62,) * 3
     pot.rotation_euler = (0, 0, math.radians(-28))
@@ -80,36 +94,6 @@ def add_mesh(
     thing = bpy.data.objects.new(name, mesh)
     scene.collection.objects.link(thing)
     return thing
-
-
-def make_materials() -> dict[str, bpy.types.Material]:
-    """Every material by name."""
-    glossy = "ShaderNodeBsdfGlossy"
-    aniso = "ShaderNodeBsdfAnisotropic"  # until Blender 4.0 a node of its own
-    if hasattr(bpy.types, glossy) and "Anisotropy" in _sockets(glossy):
-        aniso = glossy
-    plastic = {"Base Color": (0.02, 0.16, 0.5, 1), "Roughness": 0.25}
-    return {
-        "Chrome steel": material("Chrome steel", glossy, {"Color": (0.62, 0.63, 0.64, 1), "Roughness": 0.18}),
-        "Table": material("Table", "ShaderNodeBsdfDiffuse", {"Color": (0.36, 0.34, 0.32, 1)}),
-        "Diffuse": material("Diffuse", "ShaderNodeBsdfDiffuse", {"Color": (0.66, 0.17, 0.1, 1)}),
-        "Principled plastic": material("Principled plastic", "ShaderNodeBsdfPrincipled", plastic),
-        "Glossy 0.5": material("Glossy 0.5", glossy, {"Color": (0.75, 0.75, 0.75, 1), "Roughness": 0.5}),
-        "Glossy 0.2": material("Glossy 0.2", glossy, {"Color": (0.9, 0.56, 0.42, 1), "Roughness": 0.2}),
-        "Anisotropic": material(
-            "Anisotropic", aniso, {"Color": (0.72, 0.74, 0.78, 1), "Roughness": 0.35, "Anisotropy": 0.8}
-        ),
-        "Gold": material("Gold", glossy, {"Color": (1.0, 0.72, 0.32, 1), "Roughness": 0.3}),
-    }
-
-
-def _sockets(node_type: str) -> list[str]:
-    probe = bpy.data.materials.new("probe")
-    if probe.node_tree is None:
-        probe.use_nodes = True
-    names = [socket.name for socket in probe.node_tree.nodes.new(node_type).inputs]
-    bpy.data.materials.remove(probe)
-    return names
 
 
 def material(name: str, node_type: str, inputs: dict) -> bpy.types.Material:
