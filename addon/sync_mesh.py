@@ -35,7 +35,8 @@ def read_object(ob, uv_maps: tuple[str, ...], messages: Messages) -> MeshArrays 
     """`ob` is evaluated; `uv_maps` names the UV map that each material slot wants ("" is the render map).
 
     None if the object has no triangle."""
-    if ob.type == "MESH":
+    # In edit mode the mesh itself is empty: what is being edited lies beside it until to_mesh writes it out.
+    if ob.type == "MESH" and not ob.data.is_editmode:
         return read_mesh(ob.data, uv_maps, ob.name, messages)
     mesh = ob.to_mesh()
     if mesh is None:

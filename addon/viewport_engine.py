@@ -10,7 +10,9 @@ from .viewport import RenderSettings, ViewportRenderer
 from .viewport_view import view_of
 
 MESSAGE_SIZE = 13.0
-MESSAGE_COLOR = (1.0, 0.55, 0.4, 1.0)
+MESSAGE_COLOR = (1.0, 0.8, 0.7, 1.0)
+# Nearly opaque: in scene-linear values a bright picture shines through half a shadow.
+MESSAGE_BACKGROUND = (0.02, 0.0, 0.0, 0.96)
 
 
 class ViewportHooks:
@@ -59,7 +61,9 @@ class ViewportHooks:
 def draw_problem(problem: str, width: float, left: float = 0.0, low: float = 0.0):
     """A text over the lower edge of a picture, in as many lines as it needs."""
     for i, line in enumerate(reversed(wrapped(problem, width - 40.0))):
-        gpu_draw.label(left + 16.0, low + 16.0 + 22.0 * i, line, MESSAGE_SIZE, MESSAGE_COLOR)
+        gpu_draw.label(
+            left + 16.0, low + 16.0 + 22.0 * i, line, MESSAGE_SIZE, MESSAGE_COLOR, MESSAGE_BACKGROUND
+        )
 
 
 def wrapped(words: str, width: float) -> list[str]:

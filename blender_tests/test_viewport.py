@@ -9,6 +9,7 @@ import time
 import weakref
 from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -158,6 +159,28 @@ def test_world_rotation_and_strength_build_nothing(skytree, viewport):
         sent = uploads(renderer)
     assert builds(skytree) == before
     assert set(sent) == {"environments"} and sent["environments"] >= 5
+
+
+def test_edit_mode_shows_what_is_edited(skytree, viewport):
+    """Also an edit that is not written into the mesh yet."""
+    scene, renderer = viewport
+    before = renderer.pixels().copy()
+    ob = bpy.data.objects["Sphere"]
+    bpy.context.view_layer.objects.active = ob
+    with Updates(renderer) as updates:
+        bpy.ops.object.mode_set(mode="EDIT")
+        updates.now()
+        finish(renderer)
+        np.testing.assert_allclose(renderer.pixels(), before, atol=0.02)
+        edited = bmesh.from_edit_mesh(ob.data)
+        bmesh.ops.scale(edited, vec=(0.5, 0.5, 0.5), verts=edited.verts)
+        bmesh.update_edit_mesh(ob.data)
+        updates.now()
+        finish(renderer)
+        assert np.abs(renderer.pixels() - before).max() > 0.05
+        bpy.ops.object.mode_set(mode="OBJECT")
+        updates.now()
+        finish(renderer)
 
 
 def test_nothing_is_restarted_for_what_is_not_seen(skytree, viewport):

@@ -258,12 +258,13 @@ def scenario_render_and_undo(w):
         yield from w.until_still()
         assert all(r.problem == "" for r in w.renderers())
     assert bpy.data.objects["Sphere"].location.z < 2.0
-    w.shot("undone")
+    undone = w.view_of(w.shot("undone"), 0.2)
     bpy.context.view_layer.objects.active = bpy.data.objects["Sphere"]
     with w.override():
         bpy.ops.object.mode_set(mode="EDIT")
     yield from w.until_still()
-    w.shot("edit_mode")
+    edited = w.view_of(w.shot("edit_mode"), 0.2)
+    assert difference(edited, undone) < 0.05, "the object in edit mode is not seen"
     with w.override():
         bpy.ops.object.mode_set(mode="OBJECT")
     yield from w.until_still()
