@@ -81,7 +81,7 @@ def find_python(version: str) -> Path | None:
         if candidate and Path(candidate).exists():
             answer = subprocess.run([candidate, "-c", probe], capture_output=True, text=True).stdout.split()
             if answer and answer[0] == version:
-                return Path(answer[1])
+                return Path(answer[1]).resolve()  # the same one by whichever name it was found
     return None
 
 

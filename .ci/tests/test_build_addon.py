@@ -140,6 +140,14 @@ def test_python_of_another_version_is_not_taken(tmp_path, monkeypatch):
     assert environments.find_python("3.99") is None
 
 
+def test_python_is_the_same_by_whichever_name_it_is_found(monkeypatch):
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    found = environments.find_python(version)
+    monkeypatch.setattr(sys, "executable", str(found))
+    assert environments.find_python(version) == found
+    assert not found.is_symlink()
+
+
 # --- Counting tests ---
 
 
