@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The benchmark scene, built inside Blender: a grey diffuse ground that fills the frame and three spheres,
-Diffuse,
-Glossy GGX 0.2 and Glossy GGX 0.5, lit by an environment map alone."""
+"""The benchmark scene, built inside Blender: a grey diffuse ground that fills the frame and three spheres
+(Diffuse, Glossy GGX 0.2, Glossy GGX 0.5), lit by an environment map alone."""
 
 from __future__ import annotations
 

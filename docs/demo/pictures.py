@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The demo's pictures: view transform, the labelled comparison sheet, the blocks over the map and the pdf
-plot.
+"""The demo's pictures: view transform, labelled comparison sheet, blocks over the map, pdf plot.
 
 Images are (H,W,3) linear float, top row first; pictures are PIL images.
 """

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The demo scene, built by code inside Blender: the teapot in chrome steel among spheres of six materials on
-a round table, lit by an environment map alone, as in Figures 3 and 6 of Ergun, Kurt, Ozturk, "Real-time Kd-
-tree Based
-Importance Sampling of Environment Maps" (SCCG 2012). Works in every engine
-that knows Blender's own nodes; some of them have these names from Blender 4.0 on."""
+a round table, lit by an environment map alone, as in Figures 3 and 6 of Ergun, Kurt, Ozturk, "Real-time
+Kd-tree Based Importance Sampling of Environment Maps" (SCCG 2012).
+
+Works in every engine that knows Blender's own nodes; some of these have their names from Blender 4.0 on.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ TABLE_PROFILE = [
     (4.75, -0.175), (4.75, -0.07), (4.68, 0.0), (4.55, 0.0), (3.0, 0.0), (1.5, 0.0), (0.0, 0.0),
 ]  # fmt: skip
 
-# name of the sphere and its material, (x, y, radius). The row reads as the paper's Figure 6: from matte to mirror.
+# Name of the sphere and its material; x, y, radius.
 SPHERES = [
     ("Diffuse", (-2.25, -1.35, 0.52)),
     ("Principled plastic", (-1.08, -1.95, 0.48)),
@@ -28,7 +29,6 @@ SPHERES = [
     ("Anisotropic", (2.35, -1.1, 0.55)),
     ("Gold", (2.35, 0.75, 0.85)),
 ]
-
 
 DIFFUSE, GLOSSY, PRINCIPLED = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfPrincipled"
 MATERIALS = {
@@ -44,8 +44,7 @@ MATERIALS = {
 
 
 def build(scene: bpy.types.Scene, hdri: Path, rotation: float = 0.0) -> None:
-    """Fills an empty scene with objects, camera and a world lit by the map, turned by rotation radians about
-    +Z."""
+    """Fills an empty scene with objects, camera and a world of the map, turned by rotation (radians) about Z."""
     materials = {name: material(name, *shader) for name, shader in MATERIALS.items()}
     pot = add_mesh(scene, "Teapot", teapot.teapot(segments=16), materials["Chrome steel"])
     pot.scale = (0.62,) * 3

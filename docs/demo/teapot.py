@@ -155,9 +155,11 @@ def join(meshes: list[Mesh]) -> Mesh:
 
 
 def parts(segments: int = 12) -> dict[str, Mesh]:
-    """The parts by name, outward oriented: body (with rim and bottom), ledge and lid, which form one closed
-    surface
-    together, and the handle and the spout, tubes whose ends lie inside the body (the spout's tip is open)."""
+    """The parts by name, outward oriented.
+
+    Body (with rim and bottom), ledge and lid form one closed surface together; handle and spout are tubes whose
+    ends lie inside the body, except for the spout's tip, which is open.
+    """
     control = {
         "body": lathe_patches(BODY_PROFILE),
         "ledge": lathe_patches(LEDGE_PROFILE),
