@@ -44,7 +44,7 @@ MATERIALS = {
 
 
 def build(scene: bpy.types.Scene, hdri: Path, rotation: float = 0.0) -> None:
-    """Fills an empty scene with objects, camera and a world of the map, turned by rotation (radians) about Z."""
+    """Fills an empty scene: objects, camera, a world of the map, turned by rotation radians about +Z."""
     materials = {name: material(name, *shader) for name, shader in MATERIALS.items()}
     pot = add_mesh(scene, "Teapot", teapot.teapot(segments=16), materials["Chrome steel"])
     pot.scale = (0.62,) * 3

@@ -157,8 +157,8 @@ def join(meshes: list[Mesh]) -> Mesh:
 def parts(segments: int = 12) -> dict[str, Mesh]:
     """The parts by name, outward oriented.
 
-    Body (with rim and bottom), ledge and lid form one closed surface together; handle and spout are tubes whose
-    ends lie inside the body, except for the spout's tip, which is open.
+    Body (with rim and bottom), ledge and lid form one closed surface together; handle and spout are
+    tubes whose ends lie inside the body, except for the spout's tip, which is open.
     """
     control = {
         "body": lathe_patches(BODY_PROFILE),
