@@ -42,6 +42,7 @@ struct Surface {
   Vec3 position;
   Vec3 geometric_normal;  // unit, on the viewer's side
   Vec3 normal;            // shading normal, unit, on the same side
+  float side;  // -1 where the viewer is behind the surface and both normals were turned over
   Vec2 uv;
   int32_t material;      // -1: none
   float position_error;  // bound on the rounding of `position`
@@ -93,6 +94,33 @@ SKY_HD Vec3 surface_tangent(const MeshView& mesh, const InstanceView& instance, 
   return normalize_or(tangent - normal * dot(tangent, normal), fallback);
 }
 
+/// The directions in which u and v grow on a triangle, orthogonal to `normal`, which is the outward
+/// shading normal; false where there are no UVs to tell. Flat across a triangle, where Blender
+/// smooths tangents over its corners.
+SKY_HD bool uv_frame(const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                     Vec3 normal, Vec3* tangent, Vec3* bitangent) {
+  if (!mesh.corner_uvs) return false;
+  const int32_t* t = mesh.triangles + 3 * static_cast<int64_t>(hit.triangle);
+  const Vec3 p0 = load3(mesh.positions, t[0]);
+  const Vec3 edge1 = load3(mesh.positions, t[1]) - p0;
+  const Vec3 edge2 = load3(mesh.positions, t[2]) - p0;
+  const float* a = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 0);
+  const float* b = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 1);
+  const float* c = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 2);
+  const float u1 = b[0] - a[0], v1 = b[1] - a[1], u2 = c[0] - a[0], v2 = c[1] - a[1];
+  const float sign = u1 * v2 - u2 * v1 < 0.0f ? -1.0f : 1.0f;
+  const Vec3 along_u = instance.linear * ((edge1 * v2 - edge2 * v1) * sign);
+  const Vec3 along_v = instance.linear * ((edge2 * u1 - edge1 * u2) * sign);
+  const Vec3 x = along_u - normal * dot(along_u, normal);
+  const float squared = dot(x, x);
+  if (!(squared > 1e-30f)) return false;
+  *tangent = x * (1.0f / sqrtf(squared));
+  *bitangent = cross(normal, *tangent);
+  // The picture may be laid on mirrored, or the instance be.
+  if (dot(*bitangent, along_v) < 0.0f) *bitangent = -*bitangent;
+  return true;
+}
+
 /// The surface at `hit`, seen along the unit direction `view` (from the surface to the viewer).
 SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
                             const int32_t* instance_materials, const Hit& hit, Vec3 view) {
@@ -125,6 +153,7 @@ SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
     normal = normalize_or(instance.normal * shading * side, geometric);
   }
   surface.geometric_normal = geometric;
+  surface.side = side;
   surface.normal = normal;
   surface.uv = {0.0f, 0.0f};
   if (mesh.corner_uvs) {

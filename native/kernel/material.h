@@ -28,7 +28,8 @@ struct Closure {
   int32_t color_texture = -1;
   int32_t roughness_texture = -1;
   int32_t metallic_texture = -1;
-  int32_t normal_texture = -1;
+  int32_t normal_texture = -1;  // tangent space, RGB = (n + 1) / 2
+  float normal_strength = 1.0f;
   int32_t emission_texture = -1;
 };
 
@@ -98,6 +99,22 @@ SKY_HD Vec3 visible_normal(Vec3 normal, Vec3 geometric_normal, Vec3 view) {
   const float least = minf(0.01f, 0.9f * dot(geometric_normal, view));
   return cosine >= least ? normal
                          : normalize_or(normal + view * (least - cosine), geometric_normal);
+}
+
+/// The shading normal with the closure's normal map applied, on the viewer's side.
+SKY_HD Vec3 mapped_normal(const MaterialTables& tables, const Closure& closure,
+                          const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                          const Surface& surface) {
+  const Vec3 outward = surface.normal * surface.side;
+  Vec3 tangent, bitangent;
+  if (!uv_frame(mesh, instance, hit, outward, &tangent, &bitangent)) return surface.normal;
+  const Vec3 rgb = sample_texture(tables.textures[closure.normal_texture], surface.uv);
+  const Vec3 mapped =
+      normalize_or(tangent * (2.0f * rgb.x - 1.0f) + bitangent * (2.0f * rgb.y - 1.0f) +
+                       outward * (2.0f * rgb.z - 1.0f),
+                   outward);
+  const Vec3 blended = outward + (mapped - outward) * closure.normal_strength;
+  return normalize_or(blended, outward) * surface.side;
 }
 
 /// A glossy lobe's frame: x along the tangent, turned by `rotation`.
@@ -199,9 +216,14 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
   shading->count = 0;
   shading->emission = {0, 0, 0};
   shading->transparency = transparency(tables, material, surface.uv);
-  const Vec3 normal = visible_normal(surface.normal, surface.geometric_normal, view);
+  const Vec3 smooth = visible_normal(surface.normal, surface.geometric_normal, view);
   for (int i = 0; i < material.closure_count; ++i) {
     const Closure& closure = tables.closures[material.first_closure + i];
+    const Vec3 normal =
+        closure.normal_texture < 0
+            ? smooth
+            : visible_normal(mapped_normal(tables, closure, mesh, instance, hit, surface),
+                             surface.geometric_normal, view);
     if (closure.type == ClosureType::kEmission || closure.type == ClosureType::kPrincipled) {
       shading->emission +=
           closure.weight * textured(tables, closure.emission, closure.emission_texture, surface.uv);

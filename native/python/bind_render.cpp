@@ -161,6 +161,8 @@ Closure parse_closure(const py::dict& dict) {
         closure.metallic_texture = texture();
       else if (key == "normal_texture")
         closure.normal_texture = texture();
+      else if (key == "normal_strength")
+        closure.normal_strength = maxf(number(), 0.0f);
       else if (key == "emission_texture")
         closure.emission_texture = texture();
       else
@@ -416,7 +418,7 @@ Each closure is a dict with `type` and `weight` (the product of the mix factors 
 (color, roughness, anisotropy, rotation in turns), WARD (color, alpha_x, alpha_y, rotation), PRINCIPLED (color,
 metallic, roughness, ior, specular = IOR level, anisotropic, rotation, emission, emission_strength), EMISSION (color,
 strength), TRANSPARENT (color). color_texture, roughness_texture, metallic_texture and emission_texture are texture
-ids whose values multiply the plain ones.)")
+ids whose values multiply the plain ones; normal_texture is a normal map in tangent space, normal_strength its strength.)")
       .def(
           "set_material",
           [](Scene& scene, int material, const py::sequence& closures) {

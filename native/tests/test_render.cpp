@@ -327,6 +327,55 @@ TEST(Film, TransparentBackgroundHasNoAlpha) {
   EXPECT_NEAR(pixels[center], 0.5f, 0.02f);
 }
 
+TEST(Texture, NormalMapTiltsTheSurface) {
+  // A plane under a sky that is bright in the half x > 0: tilting its normal towards +u must
+  // brighten it, towards -u darken it, also where the instance is mirrored or the picture laid on
+  // mirrored; strength 0 changes nothing.
+  std::vector<float> half(16 * 8 * 3, 0.0f);
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 4; x < 12; ++x) {  // u = 0.5 - phi / 2 pi: the middle columns look along +x
+      for (int k = 0; k < 3; ++k) half[(y * 16 + x) * 3 + k] = 1.0f;
+    }
+  }
+  auto brightness = [&](float red, float strength, float u_sign, const Matrix4& matrix, Vec3 eye) {
+    auto scene = std::make_shared<Scene>();
+    const float texel[3] = {red, 0.5f, 0.8f};
+    TextureInput map;
+    map.texels = texel;
+    map.width = map.height = 1;
+    Closure closure = diffuse(0.8f);
+    closure.normal_texture = scene->add_texture(map);
+    closure.normal_strength = strength;
+    const int material = scene->add_material({closure}, "tilted");
+    MeshData square = make_square(50.0f);
+    const float s = 1.0f * u_sign;
+    const float uvs[] = {0, 0, s, 0, s, 1, 0, 1};
+    MeshInput in = square.input("plane");
+    in.corners = square.triangles.data();
+    in.corner_uvs = uvs;
+    in.corner_count = 4;
+    scene->add_instance(scene->add_mesh(in), matrix, {material});
+    scene->set_camera(look_at(eye, {0, 0, 0}), perspective(0.3, 4.0 / 3.0));
+    EnvironmentInput environment;
+    environment.texels = share(half);
+    environment.width = 16;
+    environment.height = 8;
+    scene->set_environment(environment);
+    return mean_of(render(scene, small(128))).r;
+  };
+  const Vec3 above = {0, -1, 5}, below = {0, -1, -5};
+  Matrix4 mirrored = identity4();
+  mirrored[0] = -1.0;
+  const double flat = brightness(0.5f, 1, 1, identity4(), above);
+  EXPECT_NEAR(brightness(0.9f, 0, 1, identity4(), above), flat, 0.005);
+  EXPECT_GT(brightness(0.9f, 1, 1, identity4(), above), flat + 0.05);
+  EXPECT_LT(brightness(0.1f, 1, 1, identity4(), above), flat - 0.05);
+  EXPECT_LT(brightness(0.9f, 1, -1, identity4(), above), flat - 0.05);
+  EXPECT_LT(brightness(0.9f, 1, 1, mirrored, above), flat - 0.05);
+  // From behind the bump is seen inside out.
+  EXPECT_LT(brightness(0.9f, 1, 1, identity4(), below), flat - 0.05);
+}
+
 TEST(Texture, CheckerFollowsUvAndExtension) {
   const float texels[] = {1, 0, 0, 0, 1, 0,
                           0, 0, 1, 1, 1, 1};  // top row red, green; bottom row blue, white
