@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Devices in Python: what is listed, what may be asked for, and that the CPU takes over with a reason."""
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -52,13 +53,21 @@ def test_without_a_gpu_the_cpu_finishes_and_says_why():
     assert session.stats["device"].endswith("+ CPU")
 
 
+def run_python(code: str, **variables) -> subprocess.CompletedProcess:
+    """In a process of its own: a driver is loaded once, and some of its settings count at its end."""
+    environment = os.environ | variables
+    folder = os.path.dirname(__file__)
+    return subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=folder, capture_output=True, text=True
+    )
+
+
 def test_a_missing_driver_is_named():
     code = (
         "import skytree_core as s; print(s.cuda_problem()); print([d.type for d in s.devices()]);"
         "print(s.RenderSession(1, device='CUDA').warning)"
     )
-    environment = os.environ | {"SKYTREE_CUDA_DRIVER": "/nonexistent/libcuda.so.1"}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    done = run_python(code, SKYTREE_CUDA_DRIVER="/nonexistent/libcuda.so.1")
     assert done.returncode == 0, done.stderr
     problem, devices, warning = done.stdout.splitlines()
     assert "/nonexistent" in problem or "without nvcc" in problem
@@ -77,3 +86,24 @@ def test_cuda_renders_the_cpus_image():
         assert session.stats["device"] == gpu.name
         # The ray tracers round differently (docs/cuda.md); a flat quad leaves no room for more than that.
         np.testing.assert_allclose(pixels, expected, rtol=2e-3, atol=1e-4)
+
+
+def has_emulator() -> bool:
+    path = os.environ.get("SKYTREE_CUDA_DRIVER")
+    return bool(path) and sky.cuda_problem() is None and hasattr(ctypes.CDLL(path), "cuemuCounter")
+
+
+@pytest.mark.skipif(not has_emulator(), reason="the driver cannot be told to fail: it is not the emulator")
+def test_a_driver_that_does_not_start_is_named():
+    done = run_python("import skytree_core as s; print(s.cuda_problem())", CUEMU_INIT_ERROR="999")
+    assert "cuInit" in done.stdout and "CUDA_ERROR_UNKNOWN" in done.stdout, done.stdout + done.stderr
+
+
+@pytest.mark.skipif(not has_emulator(), reason="leaks are counted by the emulator, and it is not here")
+def test_nothing_is_left_on_the_gpu_at_exit():
+    code = (
+        "import test_cuda as t; session = t.sky.RenderSession(1, device='CUDA');"
+        "t.render(session, t.make_scene()); assert session.warning is None, session.warning"
+    )
+    done = run_python(code, CUEMU_LEAKS="2")
+    assert done.returncode == 0, done.stdout + done.stderr  # 86: something was left
