@@ -4,30 +4,49 @@
 #include <algorithm>
 #include <cfloat>
 
+#include "src/clones.h"
+
 namespace skytree {
+
+namespace {
+
+SKY_CLONES void include_row(const float* __restrict row, int count, float* __restrict smallest,
+                            float* __restrict largest) {
+  for (int x = 0; x < count; ++x) {
+    smallest[x] = row[x] < smallest[x] ? row[x] : smallest[x];
+    largest[x] = row[x] > largest[x] ? row[x] : largest[x];
+  }
+}
+
+}  // namespace
 
 RangeTable::RangeTable(const LuminancePlane& luminance)
     : luminance_(luminance), columns_((luminance.width() + kTile - 1) / kTile) {
   const int width = luminance.width(), height = luminance.height();
-  tiles_.assign((size_t)columns_ * ((height + kTile - 1) / kTile), {FLT_MAX, 0.0f});
-  for (int y = 0; y < height; ++y) {
+  std::vector<float> smallest(width), largest(width);
+  for (int strip = 0; strip < height; strip += kTile) {
+    std::fill(smallest.begin(), smallest.end(), FLT_MAX);
+    std::fill(largest.begin(), largest.end(), 0.0f);
+    for (int y = strip; y < std::min(strip + kTile, height); ++y) {
+      include_row(luminance.row(y), width, smallest.data(), largest.data());
+    }
     for (int x = 0; x < width; x += kTile) {
-      Bounds* tile = &tiles_[(size_t)(y / kTile) * columns_ + x / kTile];
-      include_texels({{x, y}, {std::min(x + kTile, width), y + 1}}, tile);
+      const int end = std::min(x + kTile, width);
+      tiles_.push_back({*std::min_element(&smallest[x], smallest.data() + end),
+                        *std::max_element(&largest[x], largest.data() + end)});
     }
   }
 }
 
 void RangeTable::include_texels(const TexelRect& rect, Bounds* bounds) const {
-  float smallest = bounds->smallest, largest = bounds->largest;
+  float smallest[kTile], largest[kTile];
+  std::fill_n(smallest, kTile, bounds->smallest);
+  std::fill_n(largest, kTile, bounds->largest);
   for (int y = rect.lo[1]; y < rect.hi[1]; ++y) {
-    const float* row = luminance_.row(y);
-    for (int x = rect.lo[0]; x < rect.hi[0]; ++x) {
-      smallest = row[x] < smallest ? row[x] : smallest;
-      largest = row[x] > largest ? row[x] : largest;
-    }
+    include_row(luminance_.row(y) + rect.lo[0], rect.size(0), smallest, largest);
   }
-  *bounds = {smallest, largest};
+  *bounds = {*std::min_element(smallest, smallest + kTile),
+             *std::max_element(largest, largest + kTile)};
 }
 
 double RangeTable::range(const TexelRect& rect) const {

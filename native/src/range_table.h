@@ -23,6 +23,7 @@ class RangeTable {
     float smallest, largest;
   };
 
+  /// Of at most kTile columns.
   void include_texels(const TexelRect& rect, Bounds* bounds) const;
 
   const LuminancePlane& luminance_;

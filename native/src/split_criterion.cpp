@@ -10,34 +10,24 @@
 #include <cmath>
 #include <vector>
 
+#include "src/split_scores.h"
+
 namespace skytree {
 namespace {
 
-// n is the solid angle, q the quantity of the first and the second part.
+constexpr int kTile = ImageStatistics::kTile;
 
-struct PooledVariance {
-  static constexpr Quantity kQuantity = Quantity::POWER;
-  static double of(const Moments& moments) { return moments.power; }
-  static double score(double n1, double q1, double n2, double q2) {
-    return q1 * q1 / n1 + q2 * q2 / n2;
-  }
-};
-
-struct MinVariance {
-  static constexpr Quantity kQuantity = Quantity::SQUARE;
-  static double of(const Moments& moments) { return moments.square; }
-  static double score(double n1, double q1, double n2, double q2) {
-    return -(std::sqrt(n1 * q1) + std::sqrt(n2 * q2));
-  }
-};
-
-template <typename Criterion>
 class SplitSearch {
  public:
-  SplitSearch(const ImageStatistics& statistics, const TexelRect& rect)
-      : statistics_(statistics), rect_(rect), solid_angle_(statistics.solid_angle(rect)) {}
+  SplitSearch(const ImageStatistics& statistics, const TexelRect& rect, SplitCriterion criterion)
+      : statistics_(statistics),
+        rect_(rect),
+        solid_angle_(statistics.solid_angle(rect)),
+        min_variance_(criterion == SplitCriterion::MIN_VARIANCE),
+        quantity_(min_variance_ ? Quantity::SQUARE : Quantity::POWER) {}
 
   Split run() {
+    if (min_variance_) unsplit_score_ = -std::sqrt(solid_angle_ * statistics_.sum(rect_).square);
     search_axis(0);
     search_axis(1);
     if (best_.axis >= 0) {
@@ -50,22 +40,52 @@ class SplitSearch {
   }
 
  private:
-  double solid_angle_before(int axis, int32_t position) const {
+  /// Planes with what lies before and behind them.
+  struct Planes {
+    int count = 0;
+    double n1[kTile + 1], q1[kTile + 1], n2[kTile + 1], q2[kTile + 1], scores[kTile + 1];
+  };
+
+  void add_plane(int axis, int32_t position, double before, double behind, Planes* planes) const {
     TexelRect part = rect_;
     part.hi[axis] = position;
-    return statistics_.solid_angle(part);
+    const int i = planes->count++;
+    planes->n1[i] = statistics_.solid_angle(part);
+    planes->n2[i] = solid_angle_ - planes->n1[i];
+    planes->q1[i] = before;
+    planes->q2[i] = behind;
   }
 
-  void consider(int axis, int32_t position, double before, double after) {
-    const double n = solid_angle_before(axis, position);
-    const double score = Criterion::score(n, before, solid_angle_ - n, after);
-    const bool better = best_.axis < 0 || score > best_.score ||
-                        (score == best_.score && axis == best_.axis && position < best_.position);
-    if (better) {
+  void score(Planes* planes) const {
+    (min_variance_ ? min_variance_scores : pooled_variance_scores)(
+        planes->n1, planes->q1, planes->n2, planes->q2, planes->count, planes->scores);
+  }
+
+  /// Takes the best of scored planes, the i-th of which is at `position(i)`.
+  template <typename Position>
+  void consider(int axis, const Planes& planes, const Position& position) {
+    for (int i = 0; i < planes.count; ++i) {
+      const double score = planes.scores[i];
+      const bool better =
+          best_.axis < 0 || score > best_.score ||
+          (score == best_.score && axis == best_.axis && position(i) < best_.position);
+      if (!better) continue;
       best_.axis = axis;
-      best_.position = position;
+      best_.position = position(i);
       best_.score = score;
     }
+  }
+
+  /// Whether a score, or a bound on it, could be the best, with a margin for rounding of
+  /// single-precision sums; with MIN_VARIANCE, whether by more than is worth looking for.
+  bool may_win(const Planes& planes) const {
+    const double gain = min_variance_ ? best_.score - unsplit_score_ : 0.0;
+    const double needed = best_.score + kGainTolerance * std::max(gain, 0.0);
+    bool wins = best_.axis < 0;
+    for (int i = 0; i < planes.count; ++i) {
+      wins |= planes.scores[i] + 1e-6 * std::abs(planes.scores[i]) >= needed;
+    }
+    return wins;
   }
 
   void search_axis(int axis) {
@@ -78,37 +98,42 @@ class SplitSearch {
     cuts_.push_back(hi);
     const int tiles = (int)cuts_.size() - 1;
     before_.assign(tiles + 1, 0.0);
-    after_.assign(tiles + 1, 0.0);
+    behind_.assign(tiles + 1, 0.0);
     for (int i = 0; i < tiles; ++i) {
       TexelRect part = rect_;
       part.lo[axis] = cuts_[i];
       part.hi[axis] = cuts_[i + 1];
       const bool aligned = i > 0 && i + 1 < tiles;
-      after_[i] = aligned ? statistics_.aligned_sum(part, axis, Criterion::kQuantity)
-                          : Criterion::of(statistics_.sum(part));
-      before_[i + 1] = before_[i] + after_[i];
+      behind_[i] = aligned ? statistics_.aligned_sum(part, axis, quantity_)
+                           : quantity(statistics_.sum(part));
+      before_[i + 1] = before_[i] + behind_[i];
     }
-    for (int i = tiles - 1; i >= 0; --i) after_[i] += after_[i + 1];
-    for (int i = 1; i < tiles; ++i) consider(axis, cuts_[i], before_[i], after_[i]);
-    for (int i = 0; i < tiles; ++i) {
-      if (cuts_[i + 1] - cuts_[i] >= 2 && may_improve(axis, i)) search_tile(axis, i);
-    }
-  }
-
-  bool may_improve(int axis, int tile) const {
-    double bound = -INFINITY;
-    for (int32_t position : {cuts_[tile] + 1, cuts_[tile + 1] - 1}) {
-      const double n = solid_angle_before(axis, position);
-      for (int end = tile; end <= tile + 1; ++end) {
-        bound = std::max(bound, Criterion::score(n, before_[end], solid_angle_ - n, after_[end]));
+    for (int i = tiles - 1; i >= 0; --i) behind_[i] += behind_[i + 1];
+    for (int first = 1; first < tiles; first += kTile) {
+      Planes planes;
+      for (int i = first; i < std::min(first + kTile, tiles); ++i) {
+        add_plane(axis, cuts_[i], before_[i], behind_[i], &planes);
       }
+      score(&planes);
+      consider(axis, planes, [&](int i) { return cuts_[first + i]; });
     }
-    return may_win(bound);
+    for (int i = 0; i < tiles; ++i) {
+      if (cuts_[i + 1] - cuts_[i] >= 2 && corners_may_win(axis, i)) search_tile(axis, i);
+    }
   }
 
-  /// With a margin for rounding of single-precision sums.
-  bool may_win(double bound) const {
-    return best_.axis < 0 || bound + 1e-6 * std::abs(bound) >= best_.score;
+  double quantity(const Moments& moments) const {
+    return min_variance_ ? moments.square : moments.power;
+  }
+
+  bool corners_may_win(int axis, int tile) const {
+    Planes corners;
+    for (int32_t position : {cuts_[tile] + 1, cuts_[tile + 1] - 1}) {
+      add_plane(axis, position, before_[tile], behind_[tile], &corners);
+      add_plane(axis, position, before_[tile + 1], behind_[tile + 1], &corners);
+    }
+    score(&corners);
+    return may_win(corners);
   }
 
   /// Between the tile's borders only the rim of the slices is unknown before the image is read, and
@@ -118,38 +143,48 @@ class SplitSearch {
     part.lo[axis] = cuts_[tile];
     part.hi[axis] = cuts_[tile + 1];
     const int count = part.size(axis);
-    double slices[ImageStatistics::kTile];
-    statistics_.inner_slices(part, axis, Criterion::kQuantity, slices);
+    double slices[kTile];
+    statistics_.inner_slices(part, axis, quantity_, slices);
     double inner = 0;
     for (int i = 0; i < count; ++i) inner += slices[i];
     const double rim = std::max(before_[tile + 1] - before_[tile] - inner, 0.0);
-    bool worth_reading = false;
-    double before = before_[tile], after = after_[tile + 1] + inner;
+
+    Planes planes, rim_before;
+    double before = before_[tile], behind = behind_[tile + 1] + inner;
     for (int i = 1; i < count; ++i) {
       before += slices[i - 1];
-      after = std::max(after - slices[i - 1], after_[tile + 1]);
-      const double n = solid_angle_before(axis, cuts_[tile] + i);
-      worth_reading |= may_win(Criterion::score(n, before, solid_angle_ - n, after + rim)) ||
-                       may_win(Criterion::score(n, before + rim, solid_angle_ - n, after));
+      behind = std::max(behind - slices[i - 1], behind_[tile + 1]);
+      add_plane(axis, cuts_[tile] + i, before, behind + rim, &planes);
     }
-    if (!worth_reading) return;
-    statistics_.add_rim_slices(part, axis, Criterion::kQuantity, slices);
-    double behind[ImageStatistics::kTile];
-    after = after_[tile + 1];
-    for (int i = count - 1; i > 0; --i) behind[i] = after += slices[i];
+    score(&planes);
+    if (!may_win(planes)) {
+      rim_before = planes;
+      for (int i = 0; i < planes.count; ++i) {
+        rim_before.q1[i] += rim;
+        rim_before.q2[i] = std::max(rim_before.q2[i] - rim, 0.0);
+      }
+      score(&rim_before);
+      if (!may_win(rim_before)) return;
+    }
+
+    statistics_.add_rim_slices(part, axis, quantity_, slices);
+    behind = behind_[tile + 1];
+    for (int i = count - 1; i > 0; --i) planes.q2[i - 1] = behind += slices[i];
     before = before_[tile];
-    for (int i = 1; i < count; ++i) {
-      before += slices[i - 1];
-      consider(axis, cuts_[tile] + i, before, behind[i]);
-    }
+    for (int i = 1; i < count; ++i) planes.q1[i - 1] = before += slices[i - 1];
+    score(&planes);
+    consider(axis, planes, [&](int i) { return cuts_[tile] + 1 + i; });
   }
 
   const ImageStatistics& statistics_;
   const TexelRect rect_;
   const double solid_angle_;
+  const bool min_variance_;
+  const Quantity quantity_;
+  double unsplit_score_ = 0;
   Split best_;
   std::vector<int32_t> cuts_;
-  std::vector<double> before_, after_;  // of each cut
+  std::vector<double> before_, behind_;  // of each cut
 };
 
 }  // namespace
@@ -161,10 +196,7 @@ double squared_error(const Moments& moments, double solid_angle) {
 
 Split find_split(const ImageStatistics& statistics, const TexelRect& rect,
                  SplitCriterion criterion) {
-  if (criterion == SplitCriterion::MIN_VARIANCE) {
-    return SplitSearch<MinVariance>(statistics, rect).run();
-  }
-  return SplitSearch<PooledVariance>(statistics, rect).run();
+  return SplitSearch(statistics, rect, criterion).run();
 }
 
 }  // namespace skytree

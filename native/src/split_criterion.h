@@ -32,10 +32,14 @@ constexpr double kVariationFloor = 2e-6;
 /// Sum of squared deviations of a block with these moments; 0 where it is rounding.
 double squared_error(const Moments& moments, double solid_angle);
 
+/// MIN_VARIANCE does not look for a plane that would gain at most this much more: what would be
+/// found is the map's noise.
+constexpr double kGainTolerance = 0.1;
+
 /// Plane with the highest score over both axes, exact to the texel; ties go to x, then to the lower
 /// position. The score of RANGE, VARIANCE and SSE is S1^2/n1 + S2^2/n2 (the paper's), of
 /// MIN_VARIANCE the negative of sqrt(n1 Q1) + sqrt(n2 Q2), with n the solid angle, S the power, Q
-/// the square.
+/// the square; there the gain over not splitting is within kGainTolerance of the best.
 Split find_split(const ImageStatistics& statistics, const TexelRect& rect,
                  SplitCriterion criterion);
 
