@@ -94,6 +94,8 @@ def run(arguments: argparse.Namespace, console: Console) -> dict:
     if not arguments.blender_python.exists():
         raise DemoError(f"no Blender at {arguments.blender_python}: ./build_addon.py demo installs it")
     addon = arguments.zip or newest_zip()
+    if not addon.is_file():
+        raise DemoError(f"there is no {addon}: ./build_addon.py package makes the zip")
     hdri = (arguments.hdri or bundled_map(arguments.blender_python)).resolve()
     image = read_map(hdri)
     try:
