@@ -1,25 +1,27 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The lobes that every material is made of: Lambert, GGX with three kinds of Fresnel, Ward. Each
-// lobe is evaluated, sampled and given its pdf in one place; all directions point away from the
-// surface, in world space.
+// The lobes that every material is made of: Lambert, Oren-Nayar, GGX with three kinds of Fresnel,
+// Ward. Each lobe is evaluated, sampled and given its pdf in one place; all directions point away
+// from the surface, in world space.
 #pragma once
 
 #include "kernel/microfacet.h"
+#include "kernel/oren_nayar.h"
 #include "kernel/ward.h"
 
 namespace skytree {
 
-enum class LobeType : int32_t { kDiffuse, kGlossy, kDielectric, kMetal, kWard };
+enum class LobeType : int32_t { kDiffuse, kGlossy, kDielectric, kMetal, kWard, kRoughDiffuse };
 
 /// One reflection lobe of a surface.
 struct Lobe {
   LobeType type;
   float select;                     // probability with which sampling chooses it
   Vec3 weight;                      // reflectance factor, the closure's weight included
-  Vec3 normal, tangent, bitangent;  // shading frame; the last two are unset for kDiffuse
+  Vec3 normal, tangent, bitangent;  // shading frame; the last two are unset for the diffuse ones
   float alpha_x, alpha_y;
-  float eta;  // kDielectric
-  Vec3 f0;    // kMetal: reflectance at normal incidence
+  float eta;        // kDielectric
+  OrenNayar rough;  // kRoughDiffuse
+  Vec3 f0;  // kMetal: reflectance at normal incidence; kRoughDiffuse: weight of repeated bounces
 };
 
 /// f is the BSDF times the cosine at the shading normal, pdf per steradian.
@@ -60,11 +62,24 @@ SKY_HD BsdfValue eval_ggx(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   return {f, common / (1.0f + lambda_o)};
 }
 
+/// The colour enters single scattering once and what bounces between facets more often.
+SKY_HD BsdfValue eval_rough_diffuse(const Lobe& lobe, Vec3 wo, Vec3 wi) {
+  const float cos_i = dot(lobe.normal, wi);
+  const float cos_o = maxf(dot(lobe.normal, wo), 1e-4f);
+  if (cos_i <= 0.0f) return {{0, 0, 0}, 0.0f};
+  const OrenNayar& model = lobe.rough;
+  const float single = oren_nayar_single(model, cos_o, cos_i, dot(wo, wi));
+  const float lost = (1.0f - oren_nayar_albedo(model, cos_o)) *
+                     (1.0f - oren_nayar_albedo(model, cos_i)) / (1.0f - model.average);
+  return {(lobe.weight * single + lobe.f0 * (lost * kInvPi)) * cos_i, cos_i * kInvPi};
+}
+
 SKY_HD BsdfValue eval_lobe(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   if (lobe.type == LobeType::kDiffuse) {
     const float pdf = maxf(dot(lobe.normal, wi), 0.0f) * kInvPi;
     return {lobe.weight * pdf, pdf};
   }
+  if (lobe.type == LobeType::kRoughDiffuse) return eval_rough_diffuse(lobe, wo, wi);
   if (lobe.type == LobeType::kWard) {
     const Vec3 o = to_local(lobe, wo);
     const Vec3 i = to_local(lobe, wi);
@@ -77,7 +92,7 @@ SKY_HD BsdfValue eval_lobe(const Lobe& lobe, Vec3 wo, Vec3 wi) {
 
 /// A direction drawn from the lobe; it may lie below the surface, where eval_lobe gives zero.
 SKY_HD Vec3 sample_lobe(const Lobe& lobe, Vec3 wo, Vec2 u) {
-  if (lobe.type == LobeType::kDiffuse) {
+  if (lobe.type == LobeType::kDiffuse || lobe.type == LobeType::kRoughDiffuse) {
     Vec3 tangent, bitangent;
     orthonormal_basis(lobe.normal, &tangent, &bitangent);
     float sine, cosine;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Materials: a list of weighted closures, turned at each shading point into reflection lobes,
 // emission and transparency. Parameters mean what they mean in Blender's nodes of the same name;
-// docs/method.md names what differs.
+// docs/rendering.md names what differs.
 #pragma once
 
 #include "kernel/bsdf.h"
@@ -150,6 +150,24 @@ SKY_HD void add_diffuse(Shading* shading, Vec3 normal, Vec3 weight) {
   keep_lobe(shading, lobe, mean_component(weight));
 }
 
+/// `weight` of the closure apart from its colour, which repeated bounces between facets take to a
+/// higher power.
+SKY_HD void add_rough_diffuse(Shading* shading, Vec3 normal, Vec3 color, float weight,
+                              float roughness) {
+  Lobe* lobe = next_lobe(shading);
+  lobe->type = LobeType::kRoughDiffuse;
+  lobe->normal = normal;
+  lobe->rough = make_oren_nayar(roughness);
+  const float average = lobe->rough.average;
+  const Vec3 left = Vec3{1, 1, 1} - color * (1.0f - average);
+  lobe->f0 = color * color * (weight * average);
+  // Colours far above 1, which only textures bring, would make the series diverge.
+  lobe->f0 = {lobe->f0.x / maxf(left.x, 0.1f), lobe->f0.y / maxf(left.y, 0.1f),
+              lobe->f0.z / maxf(left.z, 0.1f)};
+  lobe->weight = color * weight;
+  keep_lobe(shading, lobe, mean_component(lobe->weight));
+}
+
 /// The frame needs a tangent only where the lobe is anisotropic; fetching it costs more than the
 /// lobe.
 SKY_HD void set_glossy_frame(Lobe* lobe, Vec2 alpha, const MeshView& mesh,
@@ -230,14 +248,17 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
       if (closure.type == ClosureType::kEmission) continue;
     }
     if (closure.type == ClosureType::kTransparent) continue;
-    if (closure.type == ClosureType::kDiffuse) {
-      add_diffuse(
-          shading, normal,
-          closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv));
-      continue;
-    }
     const float roughness = clampf(
         textured(tables, closure.roughness, closure.roughness_texture, surface.uv), 0.0f, 1.0f);
+    if (closure.type == ClosureType::kDiffuse) {
+      const Vec3 color = textured(tables, closure.color, closure.color_texture, surface.uv);
+      if (roughness < 1e-3f) {
+        add_diffuse(shading, normal, closure.weight * color);
+      } else {
+        add_rough_diffuse(shading, normal, color, closure.weight, roughness);
+      }
+      continue;
+    }
     Vec2 alpha = {closure.alpha_x, closure.alpha_y};
     if (closure.type == ClosureType::kGlossy) alpha = glossy_alpha(roughness, closure.anisotropy);
     if (closure.type == ClosureType::kPrincipled) {

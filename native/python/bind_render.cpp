@@ -414,7 +414,7 @@ corner 3t+k); corner_normals (C,3), corner_uvs (C,2), corner_tangents (C,3) floa
           "closures"_a, "name"_a = "", R"(
 Adds a material, the sum of `closures`, and returns its id.
 
-Each closure is a dict with `type` and `weight` (the product of the mix factors above it): DIFFUSE (color), GLOSSY
+Each closure is a dict with `type` and `weight` (the product of the mix factors above it): DIFFUSE (color, roughness), GLOSSY
 (color, roughness, anisotropy, rotation in turns), WARD (color, alpha_x, alpha_y, rotation), PRINCIPLED (color,
 metallic, roughness, ior, specular = IOR level, anisotropic, rotation, emission, emission_strength), EMISSION (color,
 strength), TRANSPARENT (color). color_texture, roughness_texture, metallic_texture and emission_texture are texture
