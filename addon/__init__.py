@@ -14,10 +14,14 @@ bl_info = {
     "category": "Render",
 }
 
+import atexit  # noqa: E402
+import sys  # noqa: E402
+
+import bpy  # noqa: E402
+
 # Reloading the add-on has to reload its modules too.
 if "engine" in locals():
     import importlib
-    import sys
 
     for _name in [name for name in sys.modules if name.startswith(__package__ + ".")]:
         importlib.reload(sys.modules[_name])
@@ -67,8 +71,22 @@ def register():
         for module in reversed(done):
             module.unregister()
         raise
+    # As a Python module Blender 4.5 waits forever in exit() while an engine written in Python is
+    # registered, and crashes there over draw handlers.
+    atexit.register(_unregister_at_exit)
+
+
+def _unregister_at_exit():
+    try:
+        unregister()
+    except Exception as error:
+        print(f"Skytree: {error}", file=sys.stderr)
+    if not bpy.app.binary_path:
+        # Once used, the drivers' namespace holds bpy, and only when bpy is released does it shut down.
+        bpy.app.driver_namespace.clear()
 
 
 def unregister():
+    atexit.unregister(_unregister_at_exit)
     for module in reversed(_MODULES):
         module.unregister()

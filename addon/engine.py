@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import time
 import traceback
 
@@ -159,19 +157,11 @@ def set_pass(render_pass, pixels: np.ndarray):
         render_pass.rect.foreach_set(flat.reshape(-1, 4))
 
 
-def _unregister_at_exit():
-    # Blender 4.5 as a Python module waits forever in exit() while an engine written in Python is registered.
-    with contextlib.suppress(RuntimeError):
-        bpy.utils.unregister_class(SkytreeRenderEngine)
-
-
 def register():
     devices.register()
     bpy.utils.register_class(SkytreeRenderEngine)
-    atexit.register(_unregister_at_exit)
 
 
 def unregister():
-    atexit.unregister(_unregister_at_exit)
     bpy.utils.unregister_class(SkytreeRenderEngine)
     devices.unregister()

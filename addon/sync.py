@@ -160,8 +160,10 @@ class _Changes:
             if update.is_updated_geometry:
                 self.geometry.add(identity_of(update.id))
         elif kind in _GEOMETRY_DATA:
+            # An edited material updates the meshes that use it too, but not their geometry.
             self.objects = True
-            self.geometry.add(identity_of(update.id))
+            if update.is_updated_geometry:
+                self.geometry.add(identity_of(update.id))
         elif kind == "Material":
             if self.materials is not None:
                 self.materials.add(identity_of(update.id))

@@ -17,6 +17,8 @@ from .messages import Messages
 from .sync_materials import MaterialSync
 from .sync_mesh import GEOMETRY_TYPES, read_object
 
+_DEFORMING_PARENTS = {"ARMATURE", "LATTICE"}
+
 
 @dataclass
 class _Instance:
@@ -59,15 +61,17 @@ class ObjectSync:
                 continue
             if not item.show_self:
                 continue
-            data_key = _data_key(ob)
+            data_key = _data_key(item, ob)
             shape_key = (identity_of(ob), data_key)
             if shape_key not in shapes:
-                stale = not changed_geometry.isdisjoint((identity_of(ob), identity_of(ob.data)))
+                stale = not changed_geometry.isdisjoint((identity_of(ob), identity_of(ob.original.data)))
                 shapes[shape_key] = self._shape(ob, data_key, stale, override, depsgraph)
             shape = shapes[shape_key]
             if shape.mesh is None:
                 continue
-            key = (*shape_key, identity_of(item.parent) if item.parent else 0, tuple(item.persistent_id))
+            key = shape_key
+            if item.is_instance:  # otherwise persistent_id is left over from another
+                key = (*shape_key, identity_of(item.parent), tuple(item.persistent_id))
             used_instances.add(key)
             self._place(key, shape, item.matrix_world, ob)
         self._remove_unused(self._fresh, used_instances)
@@ -154,13 +158,18 @@ class ObjectSync:
         self._remove_unused(set(), set())
 
 
-def _data_key(ob) -> tuple:
-    """What tells the geometry of an evaluated object from others: objects without modifiers share their mesh.
+def _data_key(item, ob) -> tuple:
+    """What tells the geometry of an evaluated object from others: objects that do not deform it share a mesh.
 
-    The address of evaluated data tells generated instances of one object apart; alone it could be used again
-    by Blender for another object's data, so the owner's identity goes with it."""
-    owner = ob if ob.type != "MESH" or ob.modifiers else ob.data
-    return identity_of(owner), ob.data.as_pointer()
+    Blender generates meshes for instances, which have no identity but their address. It could be used again
+    for another object's data, so the owner's identity goes with it."""
+    shares_data = ob.type == "MESH" and not (
+        ob.modifiers or ob.data.shape_keys or ob.parent_type in _DEFORMING_PARENTS
+    )
+    # Not ob.data.original: an evaluated mesh names another copy there, a new one after each edit.
+    owner = ob.original.data if shares_data else ob
+    is_generated = item.is_instance and ob.modifiers
+    return identity_of(owner), ob.data.as_pointer() if is_generated else 0
 
 
 def _materials_of(ob) -> list:
