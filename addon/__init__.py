@@ -72,8 +72,9 @@ def register():
             module.unregister()
         raise
     # As a Python module Blender 4.5 waits forever in exit() while an engine written in Python is
-    # registered, and crashes there over draw handlers.
-    atexit.register(_unregister_at_exit)
+    # registered, and crashes there over draw handlers. A Blender program must not be touched that late.
+    if not bpy.app.binary_path:
+        atexit.register(_unregister_at_exit)
 
 
 def _unregister_at_exit():
@@ -81,9 +82,8 @@ def _unregister_at_exit():
         unregister()
     except Exception as error:
         print(f"Skytree: {error}", file=sys.stderr)
-    if not bpy.app.binary_path:
-        # Once used, the drivers' namespace holds bpy, and only when bpy is released does it shut down.
-        bpy.app.driver_namespace.clear()
+    # Once used, the drivers' namespace holds bpy, and only when bpy is released does it shut down.
+    bpy.app.driver_namespace.clear()
 
 
 def unregister():
