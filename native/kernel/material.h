@@ -160,7 +160,8 @@ SKY_HD void add_rough_diffuse(Shading* shading, Vec3 normal, Vec3 color, float w
   lobe->rough = make_oren_nayar(roughness);
   const float average = lobe->rough.average;
   const Vec3 left = Vec3{1, 1, 1} - color * (1.0f - average);
-  lobe->f0 = color * color * (weight * average);
+  // The paper has color^2 here; Cycles, whose pictures these shall match, multiplies once more.
+  lobe->f0 = color * color * color * (weight * average);
   // Colours far above 1, which only textures bring, would make the series diverge.
   lobe->f0 = {lobe->f0.x / maxf(left.x, 0.1f), lobe->f0.y / maxf(left.y, 0.1f),
               lobe->f0.z / maxf(left.z, 0.1f)};
