@@ -60,11 +60,16 @@ def one_round(job: dict) -> dict:
     scene.render.engine = "SKYTREE"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 32, 18, 100
     scene.skytree.samples = 1
-    started = time.perf_counter()
+    started, cpu_started = time.perf_counter(), sum(os.times()[:2])
     bpy.ops.render.render()
-    whole = time.perf_counter() - started
+    whole, cpu = time.perf_counter() - started, sum(os.times()[:2]) - cpu_started
     stats = bpy.app.driver_namespace["peer_stats"]
-    return {"triangles": triangles, "sync_seconds": float(stats["sync_s"]), "whole_seconds": whole}
+    return {
+        "triangles": triangles,
+        "sync_seconds": float(stats["sync_s"]),
+        "whole_seconds": whole,
+        "cpu_seconds": cpu,
+    }
 
 
 def main() -> int:
