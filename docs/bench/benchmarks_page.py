@@ -95,8 +95,8 @@ def sync_section(renders: dict) -> str:
         "## Taking over a large scene\n\n"
         f"One mesh of {triangles:,} triangles and a map of 4096×2048 texels, all cores: the synchronisation "
         "(reading mesh and map, building the kd-tree), and the whole of F12 for one sample of 32×18 pixels, "
-        "which builds the ray-tracing structure too. These are wall times, which a busy machine stretches; the "
-        "last column, processor time of the whole F12, suffers far less from that.\n\n"
+        "which builds the ray-tracing structure too. These are wall times, which a busy machine stretches; "
+        "the last column, processor time of the whole F12, suffers far less from that.\n\n"
         + table(["", "first sync", "median sync", "median F12", "its processor time"], rows)
     )
 
