@@ -15,6 +15,8 @@ bl_info = {
 }
 
 import atexit  # noqa: E402
+import ctypes  # noqa: E402
+import functools  # noqa: E402
 import sys  # noqa: E402
 
 import bpy  # noqa: E402
@@ -71,10 +73,11 @@ def register():
         for module in reversed(done):
             module.unregister()
         raise
-    # As a Python module Blender 4.5 waits forever in exit() while an engine written in Python is
-    # registered, and crashes there over draw handlers. A Blender program must not be touched that late.
+    # A Blender program must not be touched as late as at exit; Blender as a Python module has to be.
     if not bpy.app.binary_path:
         atexit.register(_unregister_at_exit)
+        if bpy.app.version < (5, 0):
+            _end_before_blender_waits()
 
 
 def _unregister_at_exit():
@@ -84,6 +87,17 @@ def _unregister_at_exit():
         print(f"Skytree: {error}", file=sys.stderr)
     # Once used, the drivers' namespace holds bpy, and only when bpy is released does it shut down.
     bpy.app.driver_namespace.clear()
+    ctypes.CDLL(None).fflush(None)  # what Blender itself printed
+
+
+@functools.cache
+def _end_before_blender_waits():
+    """As a Python module Blender 4.x destroys a condition variable in exit() that a thread of its own still
+    waits on, and hangs, unless everything of bpy was released before; one reference in a script or an add-on
+    is enough. Python has ended and flushed by then, so the process leaves with its status right before."""
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "on_exit"):
+        libc.on_exit(ctypes.cast(libc._exit, ctypes.c_void_p), None)
 
 
 def unregister():
