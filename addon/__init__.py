@@ -63,15 +63,16 @@ _MODULES = (
 )
 
 
+_registered = []  # also what Blender's shutdown finds after ours: nothing, then
+
+
 def register():
-    done = []
     try:
         for module in _MODULES:
             module.register()
-            done.append(module)
+            _registered.append(module)
     except Exception:
-        for module in reversed(done):
-            module.unregister()
+        unregister()
         raise
     # A Blender program must not be touched as late as at exit; Blender as a Python module has to be.
     if not bpy.app.binary_path:
@@ -102,5 +103,5 @@ def _end_before_blender_waits():
 
 def unregister():
     atexit.unregister(_unregister_at_exit)
-    for module in reversed(_MODULES):
-        module.unregister()
+    while _registered:
+        _registered.pop().unregister()
