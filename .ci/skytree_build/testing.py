@@ -16,6 +16,9 @@ from .packaging import build_native, build_wheel, install_wheel, package
 from .steps import BUILD, ROOT, BuildError, Finished, relative, run
 
 BLENDER_TESTS = ROOT / "blender_tests"
+
+# Debian's Blender looks for packages beside the first python3 on PATH; pyenv's has no numpy.
+DEBIAN_FIRST = {"PATH": f"/usr/bin:{os.environ.get('PATH', '')}"}
 MOST_REASON_LINES = 120
 IN_BLENDER = (BLENDER_TESTS, f"--ignore={BLENDER_TESTS / 'window'}")
 
@@ -142,7 +145,9 @@ def test_debian_blender() -> Outcome:
     )
     runner = BLENDER_TESTS / "run_in_blender.py"
     command = ["blender", "-b", "--factory-startup", "--python-exit-code", "3", "--python", runner, "--"]
-    return pytest("blender-3.4", command, *IN_BLENDER, SKYTREE_ZIP=archive, SKYTREE_PYTEST=packages)
+    return pytest(
+        "blender-3.4", command, *IN_BLENDER, SKYTREE_ZIP=archive, SKYTREE_PYTEST=packages, **DEBIAN_FIRST
+    )
 
 
 def test_window() -> Outcome:
@@ -151,7 +156,7 @@ def test_window() -> Outcome:
     archive, python, tests = package(), environment("venv", "tools", "3.11"), BLENDER_TESTS / "window"
     # Cut off from the tests above, whose conftest.py imports bpy.
     command = [python, "-m", "pytest", f"--confcutdir={tests}"]
-    return pytest("window", command, tests, SKYTREE_ZIP=archive)
+    return pytest("window", command, tests, SKYTREE_ZIP=archive, **DEBIAN_FIRST)
 
 
 def test_lint() -> Outcome:

@@ -72,4 +72,6 @@ def run_in_blender(blender: list[str], script: Path, job: dict, log: Path) -> It
 
 def _clean_environment() -> dict[str, str]:
     """Ours without what would lead Blender's Python to this environment's packages."""
-    return {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV", "BLENDER_"))}
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV", "BLENDER_"))}
+    # Debian's Blender looks for its packages beside the first python3 on PATH.
+    return kept | {"PATH": f"/usr/bin:{kept.get('PATH', '')}"}
