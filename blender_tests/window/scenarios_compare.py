@@ -177,8 +177,8 @@ def scenario_equal_time(w):
     for side in sides:
         w.figure(f"equal time, {side.method.label}, samples", side.picture.samples)
         w.figure(f"equal time, {side.method.label}, seconds", side.seconds)
-    # Both were told to stop in the same tick; how long a machine takes to obey is not judged here.
-    assert all(side.seconds >= 0.8 for side in sides)
+    # Both were told to stop in the same tick; a session counts from its first ray, which may be late.
+    assert all(side.seconds >= 0.4 for side in sides)
     w.shot("equal_time")
 
 
