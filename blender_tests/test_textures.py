@@ -161,3 +161,43 @@ def test_rotated_object_keeps_its_uvs(cycles):
     poster = TexturedPlane(cycles, checker())
     poster.object.rotation_euler = (0, 0, math.radians(30))
     poster.assert_as_in_cycles()
+
+
+def irradiance_above(normal, pixels):
+    """Of a lat-long map, over the directions that see a horizontal surface's front, weighted by `normal`."""
+    height, width = pixels.shape[:2]
+    theta = ((np.arange(height) + 0.5) * math.pi / height)[:, None]
+    phi = (0.5 - (np.arange(width) + 0.5) / width) * 2.0 * math.pi
+    x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi
+    cosine = np.maximum(normal[0] * x + normal[1] * y + normal[2] * z, 0.0) * (z > 0.0)
+    solid_angle = np.sin(theta) * (math.pi / height) * (2.0 * math.pi / width)
+    return np.einsum("ij,ijk->k", cosine * solid_angle, pixels)
+
+
+@pytest.mark.parametrize("strength", [1.0, 0.5])
+def test_normal_map(scene, strength):
+    """A diffuse square, half of it with leaning normals, reflects the irradiance along them. Cycles is no
+    reference here: it darkens leaning normals by a shadowing term."""
+    poster = TexturedPlane(scene, None)
+    scenes.set_map(scene, scenes.float_image("smooth", scenes.smooth_map(512, 256)))
+    leaning = np.array((0.7, 0.4, 0.9))
+    pixels = np.full((8, 8, 3), (0.5, 0.5, 1.0), np.float32)
+    pixels[:, 4:] = leaning
+    image = scenes.float_image("normals", pixels)
+    image.colorspace_settings.name = "Non-Color"
+    poster.texture.image, poster.texture.interpolation = image, "Closest"
+    diffuse, normal_map = poster.node("BsdfDiffuse"), poster.node("NormalMap")
+    diffuse.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1.0)
+    normal_map.inputs["Strength"].default_value = strength
+    output = next(n for n in poster.tree.nodes if n.type == "OUTPUT_MATERIAL")
+    poster.tree.links.new(poster.texture.outputs["Color"], normal_map.inputs["Color"])
+    poster.tree.links.new(normal_map.outputs["Normal"], diffuse.inputs["Normal"])
+    poster.tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+    picture = scenes.render_skytree(scene, 256, max_bounces=0)[..., :3]
+
+    up = np.array((0.0, 0.0, 1.0))
+    mapped = (2.0 * leaning - 1.0) / np.linalg.norm(2.0 * leaning - 1.0)
+    blended = up + (mapped - up) * strength
+    for half, normal in ((np.s_[2:38, 2:18], up), (np.s_[2:38, 22:38], blended / np.linalg.norm(blended))):
+        expected = 0.5 / math.pi * irradiance_above(normal, scenes.smooth_map(512, 256))
+        np.testing.assert_allclose(picture[half].mean(axis=(0, 1)), expected, rtol=2e-3)
