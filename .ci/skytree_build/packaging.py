@@ -53,7 +53,9 @@ def build_wheel() -> Path:
     name = f"skytree_core-{VERSION}-{'.'.join(tag.split('-')[0] for tag in tags)}-none-{platform_tag()}.whl"
     wheel, stamp = DIST / name, BUILD / "wheel.stamp"
     with sole_builder():
-        digest = content_hash([ROOT / source for source in WHEEL_SOURCES], sorted(pythons.items()), nvcc)
+        architectures = os.environ.get("SKYTREE_CUDA_ARCHITECTURES", "ALL")
+        facts = (sorted(pythons.items()), nvcc, architectures)
+        digest = content_hash([ROOT / source for source in WHEEL_SOURCES], *facts)
         if not up_to_date(stamp, digest, wheel):
             settings = {
                 "build-dir": BUILD / "native-wheel",
@@ -62,7 +64,7 @@ def build_wheel() -> Path:
                 "cmake.define.SKYTREE_PYBIND11_INCLUDE": pybind11_include(tools),
                 "cmake.define.SKYTREE_CUDA": "ON" if nvcc else "OFF",
                 "cmake.define.SKYTREE_NVCC": nvcc or "",
-                "cmake.define.SKYTREE_CUDA_ARCHITECTURES": "ALL",
+                "cmake.define.SKYTREE_CUDA_ARCHITECTURES": architectures,
             }
             compile_wheel(tools, wheel, settings)
             stamp.write_text(digest)
