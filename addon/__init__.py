@@ -28,22 +28,16 @@ if "engine" in locals():
     for _name in [name for name in sys.modules if name.startswith(__package__ + ".")]:
         importlib.reload(sys.modules[_name])
 
-from . import (  # noqa: E402
-    compare_cli,
-    compare_ops,
-    compare_panel,
-    compare_props,
-    compare_region,
-    engine,
-    floating,
-    map_pictures,
-    overlay,
-    overlay_panel,
-    panels,
-    presets,
-    problems,
-    properties,
-)
+from . import engine, panels, presets, properties  # noqa: E402
+from .compare import cli as compare_cli  # noqa: E402
+from .compare import ops as compare_ops  # noqa: E402
+from .compare import panel as compare_panel  # noqa: E402
+from .compare import props as compare_props  # noqa: E402
+from .compare import region as compare_region  # noqa: E402
+from .pictures import map_pictures, overlay  # noqa: E402
+from .pictures import panel as overlay_panel  # noqa: E402
+from .problems import panel as problems  # noqa: E402
+from .viewport import floating  # noqa: E402
 
 _MODULES = (
     properties,

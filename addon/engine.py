@@ -13,9 +13,9 @@ from . import devices, native, status
 from .camera import CameraError, Film, camera_matrices, film_of
 from .devices import render_device
 from .messages import Messages
-from .sync import SceneSync
+from .sync.scene import SceneSync
 from .thumbnails import render_thumbnail
-from .viewport_engine import ViewportHooks
+from .viewport.hooks import ViewportHooks
 
 POLL_SECONDS = 0.05
 FIRST_UPDATE_SECONDS = 0.25

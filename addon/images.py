@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from . import expression as ex
 from .messages import Messages
+from .nodes import expression as ex
 
 LINEAR_SPACES = ("Linear", "Non-Color", "Raw", "ACEScg", "scene_linear")
 

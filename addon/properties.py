@@ -13,7 +13,8 @@ from bpy.props import (
     PointerProperty,
 )
 
-from . import floating, viewport_clock
+from .viewport import clock as viewport_clock
+from .viewport import floating
 
 SAMPLERS = (
     (

@@ -13,8 +13,8 @@ import numpy as np
 
 from . import native
 from .camera import camera_matrices, film_of
-from .sync import SceneSync
-from .sync_mesh import GEOMETRY_TYPES
+from .sync.mesh import GEOMETRY_TYPES
+from .sync.scene import SceneSync
 
 SAMPLES = 32
 POLL_SECONDS = 0.02

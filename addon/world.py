@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import expression as ex
 from . import latlong
 from .images import ImageSource, ImageStore
 from .messages import Messages
-from .nodes import NodeReader, Place, active_output, follow
-from .vectors import affine_direction, split_rotation
+from .nodes import expression as ex
+from .nodes.reader import NodeReader, Place, active_output, follow
+from .nodes.vectors import affine_direction, split_rotation
 from .version import uses_nodes
 
 MIN_COMPUTED_HEIGHT = 256

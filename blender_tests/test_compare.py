@@ -33,14 +33,14 @@ def lit(scene):
 
 
 def reference_of(skytree, truth, noise=0.0):
-    return part(skytree, "compare_metrics").Reference(truth - noise, truth + noise)
+    return part(skytree, "compare.metrics").Reference(truth - noise, truth + noise)
 
 
 # Figures
 
 
 def test_figures_of_known_images(skytree):
-    metrics = part(skytree, "compare_metrics")
+    metrics = part(skytree, "compare.metrics")
     truth = np.full((10, 10, 3), 2.0, np.float32)
     figures = metrics.error_figures(truth + 0.5, reference_of(skytree, truth))
     assert figures["rmse"] == pytest.approx(0.5)
@@ -53,7 +53,7 @@ def test_one_firefly_is_trimmed_but_counts_in_rmse(skytree):
     truth = np.ones((40, 50, 3), np.float32)
     image = truth.copy()
     image[3, 7] = 1e4
-    figures = part(skytree, "compare_metrics").error_figures(image, reference_of(skytree, truth))
+    figures = part(skytree, "compare.metrics").error_figures(image, reference_of(skytree, truth))
     assert figures["nrmse_tc"] == 0.0
     assert figures["rmse"] > 100.0
 
@@ -65,7 +65,7 @@ def test_the_references_own_error_is_taken_off(skytree):
     truth = np.full((64, 64, 3), 1.0)
     halves = truth + 0.1 * rng.standard_normal((2, *truth.shape))
     image = truth + 0.05 * rng.standard_normal(truth.shape)
-    metrics = part(skytree, "compare_metrics")
+    metrics = part(skytree, "compare.metrics")
     figures = metrics.error_figures(image, metrics.Reference(*halves))
     assert figures["nrmse_tc"] == pytest.approx(0.05, rel=0.05)
     assert figures["rmse"] > 1.5 * figures["nrmse_tc"]
@@ -75,7 +75,7 @@ def test_the_references_own_error_is_taken_off(skytree):
     ("image", "half", "words"), [((4, 4, 3), (4, 5, 3), "render both alike"), ((4, 4, 3), (4, 4, 3), "black")]
 )
 def test_figures_that_do_not_exist(skytree, image, half, words):
-    metrics = part(skytree, "compare_metrics")
+    metrics = part(skytree, "compare.metrics")
     with pytest.raises(ValueError, match=words):
         metrics.error_figures(np.zeros(image), metrics.Reference(np.zeros(half), np.zeros(half)))
 
@@ -83,7 +83,7 @@ def test_figures_that_do_not_exist(skytree, image, half, words):
 def test_sampler_figures_against_sums(skytree):
     """Uniform sampling of a map with one lit texel: weight and variance follow from that texel's solid
     angle."""
-    metrics = part(skytree, "compare_metrics")
+    metrics = part(skytree, "compare.metrics")
     core = part(skytree, "native").core()
     image = np.zeros((16, 32, 3), np.float32)
     image[5, 9] = 3.0
@@ -94,7 +94,7 @@ def test_sampler_figures_against_sums(skytree):
 
 
 def test_a_kdtree_fits_its_map_better_than_uniform(skytree):
-    metrics = part(skytree, "compare_metrics")
+    metrics = part(skytree, "compare.metrics")
     core = part(skytree, "native").core()
     image = scenes.smooth_map()
     image[8, 20] = 2000.0
@@ -108,17 +108,17 @@ def test_a_kdtree_fits_its_map_better_than_uniform(skytree):
 
 
 def test_method_texts(skytree):
-    choice = part(skytree, "compare_job").side_choice("kdtree:256:sse:Fitted")
-    method = part(skytree, "compare_methods").method_of(choice, bpy.context.scene.skytree)
+    choice = part(skytree, "compare.job").side_choice("kdtree:256:sse:Fitted")
+    method = part(skytree, "compare.methods").method_of(choice, bpy.context.scene.skytree)
     assert method.label == "kd-tree 256, SSE / fitted"
-    choice = part(skytree, "compare_job").side_choice("bsdf")
-    assert not part(skytree, "compare_methods").method_of(choice, None).light_sampling
+    choice = part(skytree, "compare.job").side_choice("bsdf")
+    assert not part(skytree, "compare.methods").method_of(choice, None).light_sampling
 
 
 @pytest.mark.parametrize("text", ["kd", "inversion:4", "kdtree:0", "kdtree:8:NONE", "kdtree:8:SSE:EXACT:1"])
 def test_method_texts_that_mean_nothing(skytree, text):
     with pytest.raises(ValueError, match=re.escape(text)):
-        part(skytree, "compare_job").side_choice(text)
+        part(skytree, "compare.job").side_choice(text)
 
 
 # Files
@@ -128,7 +128,7 @@ def test_exr_layers_read_back(skytree, tmp_path):
     rng = np.random.default_rng(1)
     layers = {"A": rng.random((37, 21, 3)).astype(np.float32), "Reference": np.zeros((37, 21, 3), np.float32)}
     path = tmp_path / "layers.exr"
-    part(skytree, "image_files").write_exr(path, layers, {"skytree": "{}"})
+    part(skytree, "compare.image_files").write_exr(path, layers, {"skytree": "{}"})
     stored, attributes = read_exr(path)
     for name, layer in layers.items():
         for index, letter in enumerate("RGB"):
@@ -141,13 +141,13 @@ def test_exr_layers_read_back(skytree, tmp_path):
 def test_layers_of_two_sizes_are_refused(skytree, tmp_path):
     layers = {"A": np.zeros((4, 4, 3)), "B": np.zeros((4, 5, 3))}
     with pytest.raises(ValueError, match="of one size"):
-        part(skytree, "image_files").write_exr(tmp_path / "x.exr", layers)
+        part(skytree, "compare.image_files").write_exr(tmp_path / "x.exr", layers)
 
 
 def test_png_reads_back(skytree, tmp_path):
     pixels = np.random.default_rng(2).integers(0, 256, (13, 17, 3)).astype(np.uint8)
     path = tmp_path / "x.png"
-    path.write_bytes(part(skytree, "image_files").png_bytes(pixels))
+    path.write_bytes(part(skytree, "compare.image_files").png_bytes(pixels))
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     stored = np.empty(len(image.pixels), np.float32)
@@ -306,7 +306,7 @@ def test_a_report_shows_what_a_final_render_shows(lit, tmp_path):
 
 
 def test_the_command_line(skytree, lit, tmp_path, capsys):
-    main = part(skytree, "compare_cli").main
+    main = part(skytree, "compare.cli").main
     out = tmp_path / "cli"
     arguments = [
         "--a",
@@ -329,7 +329,7 @@ def test_the_command_line(skytree, lit, tmp_path, capsys):
 
 
 def test_view_transform_of_known_values(skytree, scene):
-    display = part(skytree, "display")
+    display = part(skytree, "viewport.display")
     scene.view_settings.view_transform = "Standard"
     linear = np.zeros((2, 3, 3), np.float32)
     linear[0], linear[1] = (0.0, 0.21404, 1.0), 4.0

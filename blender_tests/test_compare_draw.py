@@ -15,9 +15,9 @@ KDTREE, UNIFORM = (0.2, 0.4, 0.6), (0.8, 0.1, 0.3)
 @pytest.fixture
 def comparison(skytree):
     """A view whose pictures A and B are of one colour each, without any session."""
-    view_module, methods = part(skytree, "compare_view"), part(skytree, "compare_methods")
+    view_module, methods = part(skytree, "compare.view"), part(skytree, "compare.methods")
     settings = part(skytree, "environments").SamplerSettings
-    picture, view_of = part(skytree, "viewport").Picture, part(skytree, "viewport_view").View
+    picture, view_of = part(skytree, "viewport.renderer").Picture, part(skytree, "viewport.view").View
     view = view_of((0.0,) * 16, (0.0,) * 16, WIDTH, HEIGHT)
     sides = {}
     for name, method, color in (("a", "KDTREE", KDTREE), ("b", "UNIFORM", UNIFORM)):
@@ -46,7 +46,7 @@ def colors_of(image, columns):
     ],
 )
 def test_arrangements(skytree, drawn, comparison, mode, show_b, left, right):  # noqa: F811
-    draw = part(skytree, "compare_draw").draw_pictures
+    draw = part(skytree, "compare.draw").draw_pictures
     image = drawn(lambda: draw(comparison, mode, 0.25, show_b, 2.0))
     line = WIDTH // 4 if mode == "SPLIT" else WIDTH // 2
     assert np.allclose(colors_of(image, slice(0, line)), [left], atol=0.01)
@@ -54,7 +54,7 @@ def test_arrangements(skytree, drawn, comparison, mode, show_b, left, right):  #
 
 
 def test_the_difference_is_absolute(skytree, drawn, comparison):  # noqa: F811
-    gpu_draw, compare_draw = part(skytree, "gpu_draw"), part(skytree, "compare_draw")
+    gpu_draw, compare_draw = part(skytree, "viewport.gpu_draw"), part(skytree, "compare.draw")
     a, b = noise(HEIGHT, WIDTH, 1), noise(HEIGHT, WIDTH, 2)
 
     def draw():
@@ -65,7 +65,7 @@ def test_the_difference_is_absolute(skytree, drawn, comparison):  # noqa: F811
 
 def test_names_line_and_plot_are_drawn_over_it(skytree, drawn, comparison):  # noqa: F811
     """The white line stands where the split is; a plot appears with the first measurements."""
-    compare_draw, report = part(skytree, "compare_draw"), part(skytree, "compare_report")
+    compare_draw, report = part(skytree, "compare.draw"), part(skytree, "compare.report")
     compared = SimpleNamespace(
         mode="SPLIT",
         split=0.5,
@@ -100,7 +100,7 @@ def test_names_line_and_plot_are_drawn_over_it(skytree, drawn, comparison):  # n
 
 def test_the_overlay_lies_on_the_sphere(skytree, drawn, scene):  # noqa: F811
     """Seen along +Y at the unit sphere, a block of half the map covers half of the picture."""
-    overlay, environments = part(skytree, "overlay"), part(skytree, "environments")
+    overlay, environments = part(skytree, "pictures.overlay"), part(skytree, "environments")
     half = np.array([[16, 0, 48, 16]], np.int32)  # columns about u = 1/2: the half with x > 0
     sampler = SimpleNamespace(bounds=half, probabilities=np.array([1.0]))
     built = environments.BuiltEnvironment(

@@ -17,7 +17,7 @@ def forgotten(skytree):
 
 
 def problems(skytree, scene):
-    return part(skytree, "problems").find(scene)
+    return part(skytree, "problems.panel").find(scene)
 
 
 def operators(skytree, scene) -> set[str]:
@@ -82,7 +82,7 @@ def test_missing_file(skytree, scene, tmp_path):
 
 
 def packed(skytree, name: str, pixels: np.ndarray):
-    return part(skytree, "world_nodes").packed_image(name, pixels.astype(np.float32))
+    return part(skytree, "problems.world_nodes").packed_image(name, pixels.astype(np.float32))
 
 
 def test_bad_texels(skytree, scene):
@@ -201,7 +201,7 @@ def test_panel_draws(skytree, scene):
 
     Context.scene = scene
     scene.world = None
-    panel = part(skytree, "problems").SKYTREE_WORLD_PT_problems
+    panel = part(skytree, "problems.panel").SKYTREE_WORLD_PT_problems
     assert panel.poll(Context)
     panel.draw(Panel, Context)
     assert "Add HDRI" in Layout.words and any("no HDRI" in word for word in Layout.words)

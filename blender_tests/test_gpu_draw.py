@@ -22,7 +22,7 @@ def drawn(skytree, scene):
 
         def render(self, depsgraph):
             try:
-                gpu_draw = part(skytree, "gpu_draw")
+                gpu_draw = part(skytree, "viewport.gpu_draw")
                 task["image"] = gpu_draw.render_offscreen(WIDTH, HEIGHT, task["draw"], task["background"])
             except Exception as error:
                 task["error"] = error
@@ -54,14 +54,14 @@ def noise(height, width, seed=0, scale=1.0):
 
 
 def test_image_is_drawn_as_it_is(skytree, drawn):
-    gpu_draw = part(skytree, "gpu_draw")
+    gpu_draw = part(skytree, "viewport.gpu_draw")
     pixels = noise(HEIGHT, WIDTH, scale=50.0)
     image = drawn(lambda: gpu_draw.draw_image(gpu_draw.upload(pixels), 0, 0, WIDTH, HEIGHT, smooth=False))
     np.testing.assert_allclose(image, pixels, rtol=1e-3, atol=1e-5)  # half floats
 
 
 def test_largest_values_stay_finite(skytree, drawn):
-    gpu_draw = part(skytree, "gpu_draw")
+    gpu_draw = part(skytree, "viewport.gpu_draw")
     pixels = np.full((HEIGHT, WIDTH, 4), 1e9, np.float32)
     pixels[..., 3] = 0.0
     image = drawn(lambda: gpu_draw.draw_image(gpu_draw.upload(pixels), 0, 0, WIDTH, HEIGHT))
@@ -69,7 +69,7 @@ def test_largest_values_stay_finite(skytree, drawn):
 
 
 def test_coarse_image_is_interpolated(skytree, drawn):
-    gpu_draw = part(skytree, "gpu_draw")
+    gpu_draw = part(skytree, "viewport.gpu_draw")
     ramp = np.ones((1, 8, 4), np.float32)
     ramp[0, :, :3] = np.linspace(0.0, 1.0, 8)[:, None]
 
@@ -84,7 +84,7 @@ def test_coarse_image_is_interpolated(skytree, drawn):
 
 
 def test_part_of_an_image(skytree, drawn):
-    gpu_draw = part(skytree, "gpu_draw")
+    gpu_draw = part(skytree, "viewport.gpu_draw")
     pixels = noise(HEIGHT, WIDTH)
 
     def draw():
@@ -97,7 +97,7 @@ def test_part_of_an_image(skytree, drawn):
 
 
 def test_alpha_is_premultiplied(skytree, drawn):
-    gpu_draw = part(skytree, "gpu_draw")
+    gpu_draw = part(skytree, "viewport.gpu_draw")
     pixels = np.full((HEIGHT, WIDTH, 4), 0.25, np.float32)
     pixels[..., 3] = 0.5
     image = drawn(
@@ -109,7 +109,7 @@ def test_alpha_is_premultiplied(skytree, drawn):
 @pytest.mark.parametrize("look", ["Standard", "default", "exposed"])
 def test_view_transform_is_blenders(skytree, scene, drawn, look):
     """The table on the GPU gives what Blender writes when it saves through the scene's view transform."""
-    gpu_draw, transforms = part(skytree, "gpu_draw"), part(skytree, "display_transform")
+    gpu_draw, transforms = part(skytree, "viewport.gpu_draw"), part(skytree, "viewport.display_transform")
     view = scene.view_settings
     if look == "Standard":
         view.view_transform = "Standard"
@@ -118,7 +118,7 @@ def test_view_transform_is_blenders(skytree, scene, drawn, look):
     pixels = noise(HEIGHT, WIDTH)
     # From far below to far above white, even in stops, of all hues.
     pixels[..., :3] = 2.0 ** (pixels[..., :3] * 3.0 - 1.5 + np.linspace(-7.0, 4.0, WIDTH)[:, None])
-    wanted = part(skytree, "display").displayed(pixels[..., :3], scene, depth="16")
+    wanted = part(skytree, "viewport.display").displayed(pixels[..., :3], scene, depth="16")
     table = transforms.bake(scene)
 
     def draw():
@@ -133,7 +133,7 @@ def test_view_transform_is_blenders(skytree, scene, drawn, look):
 
 
 def test_shapes_and_text(skytree, drawn):
-    gpu_draw = part(skytree, "gpu_draw")
+    gpu_draw = part(skytree, "viewport.gpu_draw")
 
     def draw():
         gpu_draw.rectangle(4, 4, 10, 6, (1.0, 0.0, 0.0, 1.0))
@@ -154,7 +154,7 @@ def test_renderer_draws_its_picture(skytree, scene, drawn):
     scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled())
     scene.skytree.preview_samples = 2
-    renderer = part(skytree, "viewport").ViewportRenderer()
+    renderer = part(skytree, "viewport.renderer").ViewportRenderer()
     try:
         test_viewport.update(renderer)
         test_viewport.look(skytree, renderer, test_viewport.view_through_camera(skytree, WIDTH, HEIGHT))
@@ -166,6 +166,6 @@ def test_renderer_draws_its_picture(skytree, scene, drawn):
 
 
 def test_problem_is_written_over_the_picture(skytree, drawn):
-    hooks = part(skytree, "viewport_engine")
+    hooks = part(skytree, "viewport.hooks")
     image = drawn(lambda: hooks.draw_problem("out of memory", WIDTH), (1.0, 1.0, 1.0, 1.0))
     assert image[16:30, :, :3].min() < 0.6

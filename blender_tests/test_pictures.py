@@ -23,7 +23,7 @@ def tree(skytree):
 
 
 def test_lines_and_numerals(skytree):
-    raster = part(skytree, "raster")
+    raster = part(skytree, "pictures.raster")
     image = np.zeros((20, 30, 3))
     raster.curve(image, [2, 12, 12], [3, 3, 9], (1, 0, 0))
     lit = {(int(y), int(x)) for y, x in zip(*np.nonzero(image[..., 0]), strict=True)}
@@ -36,7 +36,7 @@ def test_lines_and_numerals(skytree):
 
 
 def test_resizing_keeps_the_mean(skytree):
-    raster = part(skytree, "raster")
+    raster = part(skytree, "pictures.raster")
     image = np.random.default_rng(0).random((30, 50, 3)).astype(np.float32)
     small = raster.resize(image, 6, 10)
     assert small.shape == (6, 10, 3)
@@ -48,7 +48,7 @@ def test_resizing_keeps_the_mean(skytree):
 
 
 def test_blocks_are_framed_where_they_are(skytree, tree):
-    pictures = part(skytree, "pictures")
+    pictures = part(skytree, "pictures.plots")
     image, _ = tree
     bounds = np.array([[0, 0, 32, 32], [32, 0, 64, 32]])
     framed = pictures.blocks_picture(image, bounds, 4 * HEIGHT, 4 * WIDTH)
@@ -60,7 +60,7 @@ def test_blocks_are_framed_where_they_are(skytree, tree):
 
 def test_the_rebuilt_map_is_flat_inside_a_block(skytree, tree):
     image, sampler = tree
-    rebuilt = part(skytree, "pictures").rebuilt_picture(image, sampler.reconstruct(), HEIGHT, WIDTH)
+    rebuilt = part(skytree, "pictures.plots").rebuilt_picture(image, sampler.reconstruct(), HEIGHT, WIDTH)
     x0, y0, x1, y1 = max(sampler.bounds.tolist(), key=lambda b: (b[2] - b[0]) * (b[3] - b[1]))
     block = rebuilt[int(y0) : int(y1), int(x0) : int(x1)]
     assert block.shape[0] * block.shape[1] > 8
@@ -68,7 +68,7 @@ def test_the_rebuilt_map_is_flat_inside_a_block(skytree, tree):
 
 
 def test_the_fitted_pdf_is_a_distribution(skytree):
-    pictures = part(skytree, "pictures")
+    pictures = part(skytree, "pictures.plots")
     fitted = pictures.fitted_probabilities(2.5, 300)
     assert fitted.sum() == pytest.approx(1.0)
     assert (np.diff(fitted) < 0).all()
@@ -76,7 +76,7 @@ def test_the_fitted_pdf_is_a_distribution(skytree):
 
 def test_the_pdf_plot_shows_dots_and_line(skytree):
     """Data of twice the model lie above its line, data of half of it below; equal axes for both."""
-    pictures = part(skytree, "pictures")
+    pictures = part(skytree, "pictures.plots")
     fitted = pictures.fitted_probabilities(3.0, 200)
 
     def mean_row(picture, color):
@@ -91,7 +91,7 @@ def test_the_pdf_plot_shows_dots_and_line(skytree):
 def test_false_colours_have_a_step_a_stop(skytree):
     """Half the map at 1, the other half four stops brighter: colours are that many steps of the scale
     apart, and the histogram has two bars for the sphere of equal height."""
-    pictures = part(skytree, "pictures")
+    pictures = part(skytree, "pictures.plots")
     image = np.ones((HEIGHT, WIDTH, 3), np.float32)
     image[:, : WIDTH // 2 - 1] = 16.0
     shown = pictures.exposure_picture(image, 256, 256)
@@ -104,7 +104,7 @@ def test_false_colours_have_a_step_a_stop(skytree):
 
 
 def test_bad_texels_do_not_spoil_pictures(skytree):
-    pictures = part(skytree, "pictures")
+    pictures = part(skytree, "pictures.plots")
     image = np.ones((16, 32, 3), np.float32)
     image[3, 4], image[5, 6], image[7, 8] = np.nan, np.inf, -5.0
     for shown in (pictures.map_picture(image, 64, 128), pictures.exposure_picture(image, 128, 128)):
@@ -113,7 +113,7 @@ def test_bad_texels_do_not_spoil_pictures(skytree):
 
 @pytest.mark.parametrize("kind", ["BLOCKS", "PDF", "EXPOSURE"])
 def test_each_kind_of_picture(skytree, tree, kind):
-    map_pictures, environments = part(skytree, "map_pictures"), part(skytree, "environments")
+    map_pictures, environments = part(skytree, "pictures.map_pictures"), part(skytree, "environments")
     image, sampler = tree
     settings = environments.SamplerSettings()
     built = environments.BuiltEnvironment(image, sampler, settings, "map", (WIDTH, HEIGHT))
@@ -128,7 +128,7 @@ def test_each_kind_of_picture(skytree, tree, kind):
 
 
 def test_blocks_cover_the_sphere_once(skytree, tree):
-    geometry = part(skytree, "overlay_geometry")
+    geometry = part(skytree, "pictures.overlay_geometry")
     _, sampler = tree
     bounds = np.asarray(sampler.bounds)
     angles = geometry.block_solid_angles(bounds, WIDTH, HEIGHT)
@@ -145,7 +145,7 @@ def test_blocks_cover_the_sphere_once(skytree, tree):
 
 def test_blocks_lie_where_the_sampler_says(skytree, tree):
     """The pdf at a block's middle direction is the block's probability per solid angle."""
-    geometry = part(skytree, "overlay_geometry")
+    geometry = part(skytree, "pictures.overlay_geometry")
     _, sampler = tree
     bounds = np.asarray(sampler.bounds, np.float64)
     x, y = (bounds[:, 0] + bounds[:, 2]) / 2, (bounds[:, 1] + bounds[:, 3]) / 2
@@ -155,7 +155,7 @@ def test_blocks_lie_where_the_sampler_says(skytree, tree):
 
 
 def test_dots_lie_at_their_directions(skytree):
-    geometry = part(skytree, "overlay_geometry")
+    geometry = part(skytree, "pictures.overlay_geometry")
     directions = np.array([(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, 0.0, 0.8)], np.float32)
     corners = geometry.dots(directions, 0.01).reshape(4, 6, 3)
     assert np.allclose(corners.mean(axis=1), directions, atol=1e-4)
@@ -167,7 +167,7 @@ def test_dots_lie_at_their_directions(skytree):
 
 def test_the_overlay_turns_with_the_map(skytree, scene):
     """A direction of the map's frame is placed where the rotated world shows it."""
-    overlay, world = part(skytree, "overlay"), part(skytree, "world")
+    overlay, world = part(skytree, "pictures.overlay"), part(skytree, "world")
     scenes.set_map(scene, scenes.float_image("turned", scenes.smooth_map()), rotation=(0.3, 0.0, 1.1))
     images, messages = part(skytree, "images").ImageStore(), part(skytree, "messages").Messages()
     depsgraph = bpy.context.evaluated_depsgraph_get()

@@ -40,7 +40,7 @@ def test_large_scene(scene, skytree, capsys):
     scenes.set_map(scene, image)
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    sync = scenes.part(skytree, "sync").SceneSync()
+    sync = scenes.part(skytree, "sync.scene").SceneSync()
     lines = []
 
     def measure(name, step):

@@ -14,7 +14,7 @@ class Live:
     """A SceneSync that follows a depsgraph as a viewport does, through Blender's own update handler."""
 
     def __init__(self, skytree):
-        self.sync = scenes.part(skytree, "sync").SceneSync()
+        self.sync = scenes.part(skytree, "sync.scene").SceneSync()
         self.depsgraph = bpy.context.evaluated_depsgraph_get()
         self.sync.sync(self.depsgraph)
 

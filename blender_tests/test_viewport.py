@@ -25,7 +25,7 @@ def viewport(skytree, scene):
     scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled())
     scene.skytree.preview_samples = 4
-    renderer = part(skytree, "viewport").ViewportRenderer()
+    renderer = part(skytree, "viewport.renderer").ViewportRenderer()
     update(renderer)
     look(skytree, renderer)
     finish(renderer)
@@ -65,13 +65,13 @@ def view_through_camera(skytree, width=WIDTH, height=HEIGHT, border=None):
     camera = bpy.context.scene.camera
     depsgraph = bpy.context.evaluated_depsgraph_get()
     projection = camera.calc_matrix_camera(depsgraph, x=width, y=height)
-    module = part(skytree, "viewport_view")
+    module = part(skytree, "viewport.view")
     flat = [tuple(v for row in m for v in row) for m in (camera.matrix_world, projection)]
     return module.View(*flat, width, height, border)
 
 
 def look(skytree, renderer, view=None, **settings):
-    module = part(skytree, "viewport")
+    module = part(skytree, "viewport.renderer")
     chosen = module.RenderSettings.of(bpy.context.scene)
     renderer.look(view or view_through_camera(skytree), chosen)
 
@@ -304,7 +304,7 @@ def test_failed_session_is_a_message(skytree, viewport):
 
 def test_native_error_is_a_message(skytree, viewport):
     _, renderer = viewport
-    singular = part(skytree, "viewport_view").View((0.0,) * 16, (0.0,) * 16, 20, 20)
+    singular = part(skytree, "viewport.view").View((0.0,) * 16, (0.0,) * 16, 20, 20)
     look(skytree, renderer, singular)
     for _ in range(50):
         renderer.advance()
@@ -322,7 +322,7 @@ def test_closing_gives_everything_back(skytree, viewport):
     renderer.close()
     gc.collect()
     assert native_scene() is None and not session.running
-    assert renderer not in part(skytree, "viewport").alive
+    assert renderer not in part(skytree, "viewport.renderer").alive
     assert not renderer.busy and renderer.advance() is False
 
 
@@ -397,7 +397,7 @@ def test_main_thread_stays_responsive(skytree, scene):
     _, mapping = scenes.set_map(scene, image)
     scene.skytree.preview_samples = 2
 
-    module = part(skytree, "viewport")
+    module = part(skytree, "viewport.renderer")
     renderer = module.ViewportRenderer()
     calls: dict[str, list[float]] = {}
 

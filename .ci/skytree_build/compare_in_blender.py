@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs inside Blender as a module: installs the zip for this run alone, opens a file and writes its report.
 
-python compare_in_blender.py ZIP FILE.blend [options of the add-on's compare_cli]
+python compare_in_blender.py ZIP FILE.blend [options of the add-on's compare.cli]
 """
 
 import importlib
@@ -26,7 +26,7 @@ def main() -> int:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     install(archive)
     bpy.ops.wm.open_mainfile(filepath=file, load_ui=False)
-    return importlib.import_module(f"{MODULE}.compare_cli").main(options)
+    return importlib.import_module(f"{MODULE}.compare.cli").main(options)
 
 
 if __name__ == "__main__":

@@ -117,7 +117,7 @@ class Window:
 
     def renderers(self) -> list:
         """The engine's renderers that are alive, in all 3D views."""
-        module = self.part("viewport")
+        module = self.part("viewport.renderer")
         return list(module.alive)
 
     def until(self, condition, seconds: float = 60.0, what: str = ""):

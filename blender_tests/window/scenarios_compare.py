@@ -30,7 +30,7 @@ def set_up(w):
 
 
 def view_in(w):
-    return w.part("compare_region").view_in(w.region)
+    return w.part("compare.region").view_in(w.region)
 
 
 def until_compared(w):
@@ -130,7 +130,7 @@ def scenario_cancel_reference(w):
     with w.override():
         bpy.ops.skytree.capture_reference(samples=1 << 20)
     yield 0.3
-    assert w.part("compare_region").capture_fraction() is not None
+    assert w.part("compare.region").capture_fraction() is not None
     w.shot("capturing")
     with w.override():
         assert bpy.ops.skytree.cancel_reference() == {"FINISHED"}
@@ -228,4 +228,4 @@ def scenario_close(w):
     yield from until_compared(w)
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     yield 0.5
-    assert not w.part("compare_region")._views
+    assert not w.part("compare.region")._views

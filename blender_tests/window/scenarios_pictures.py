@@ -24,7 +24,7 @@ def set_up(w, distance: float = 8.0):
 
 
 def current(w):
-    return w.part("map_pictures").current()
+    return w.part("pictures.map_pictures").current()
 
 
 def until_current(w, count: int):
@@ -80,7 +80,7 @@ def scenario_overlay_at_the_origin(w):
 def scenario_pictures_follow_the_slider(w):
     """The World properties show each picture; another block count brings another one."""
     scene, overlay = set_up(w)
-    pictures = w.part("map_pictures")
+    pictures = w.part("pictures.map_pictures")
     area = next(a for a in w.window.screen.areas if a.type == "PROPERTIES")
     area.spaces.active.context = "WORLD"
     for kind in ("BLOCKS", "PDF", "EXPOSURE"):
