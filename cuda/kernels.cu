@@ -43,8 +43,6 @@ __global__ void __launch_bounds__(kThreads, kRenderBlocks)
       static_cast<int>(blockIdx.x / blocks_x) * kBlockHeight + (warp >> 1) * 4 + (lane >> 3);
   if (x >= p.width || y >= p.height) return;
   FilmPixel* film = p.film + static_cast<int64_t>(y) * p.width + x;
-  FilmPixel pixel = *film;
-  unsigned long long rejected = 0;
   uint32_t rays = 0, sample = 0;
   int vertex = 0;
   PathState path;
@@ -56,14 +54,14 @@ __global__ void __launch_bounds__(kThreads, kRenderBlocks)
       ++vertex;
       continue;
     }
-    rejected += !add_to_film({path.radiance, path.alpha, 0}, &pixel);
+    // Sums stay in memory: in registers they would take eight through all of the path, and be
+    // spilt.
+    if (!add_to_film({path.radiance, path.alpha, 0}, film)) atomicAdd(&p.counters->rejected, 1ull);
     if (++sample == p.sample_count) break;
     begin_path(p.scene, p.settings, p.x0 + x, p.y0 + y, p.first_sample + sample, &path);
     vertex = 0;
   }
-  *film = pixel;
   atomicAdd(&p.counters->rays, static_cast<unsigned long long>(rays));
-  if (rejected) atomicAdd(&p.counters->rejected, rejected);
 }
 
 }  // extern "C"

@@ -73,8 +73,8 @@ SKY_HD int64_t corner_index(const MeshView& mesh, int32_t triangle, int k) {
 /// The tangent that anisotropy is measured from. Without tangents of its own a mesh gets circles
 /// around its local z axis, from generated coordinates, as Cycles does where no Tangent node is
 /// linked.
-SKY_HD Vec3 surface_tangent(const MeshView& mesh, const InstanceView& instance, const Hit& hit,
-                            Vec3 normal) {
+SKY_HD_RARE Vec3 surface_tangent(const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                                 Vec3 normal) {
   Vec3 tangent;
   if (mesh.corner_tangents) {
     const Vec3 local =
@@ -97,8 +97,8 @@ SKY_HD Vec3 surface_tangent(const MeshView& mesh, const InstanceView& instance, 
 /// The directions in which u and v grow on a triangle, orthogonal to `normal`, which is the outward
 /// shading normal; false where there are no UVs to tell. Flat across a triangle, where Blender
 /// smooths tangents over its corners.
-SKY_HD bool uv_frame(const MeshView& mesh, const InstanceView& instance, const Hit& hit,
-                     Vec3 normal, Vec3* tangent, Vec3* bitangent) {
+SKY_HD_RARE bool uv_frame(const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                          Vec3 normal, Vec3* tangent, Vec3* bitangent) {
   if (!mesh.corner_uvs) return false;
   const int32_t* t = mesh.triangles + 3 * static_cast<int64_t>(hit.triangle);
   const Vec3 p0 = load3(mesh.positions, t[0]);
