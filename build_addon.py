@@ -22,12 +22,13 @@ if sys.version_info < (3, 11):  # noqa: UP036 (told before the imports below fai
 sys.path.insert(0, str(Path(__file__).resolve().parent / ".ci"))
 from skytree_build import environments
 from skytree_build.benchmarks import bench_samplers, run_visibly
-from skytree_build.environments import BLENDERS, blender_module, environment, find_python
+from skytree_build.environments import BLENDERS, blender_module, environment, find_python, mitsuba_module
 from skytree_build.packaging import DIST, build_wheel, megabytes, package
 from skytree_build.steps import ROOT, BuildError, relative
 from skytree_build.testing import TEST_PARTS, run_tests
 
 RENDER_BENCH = ROOT / "docs" / "bench" / "render_vs_cycles.py"
+PEERS_BENCH = ROOT / "docs" / "bench" / "peers" / "peers.py"
 
 
 def command_build(_: argparse.Namespace) -> str:
@@ -67,7 +68,20 @@ def command_compare(options: argparse.Namespace) -> str:
     return f"The report is {relative(out / 'report.html')}."
 
 
+def bench_peers(options: argparse.Namespace) -> str:
+    archive, tools = package(), environment("venv", "tools", "3.11")
+    blender_module("4.5")
+    _, llvm = mitsuba_module()
+    command = [tools, PEERS_BENCH, "--zip", archive, *options.further]
+    run_visibly("The benchmark against Cycles and Mitsuba", [*command, *(["--llvm", llvm] if llvm else [])])
+    return "The figures are in build/reports" + (
+        "." if "--quick" in options.further else " and docs/benchmarks.md."
+    )
+
+
 def command_bench(options: argparse.Namespace) -> str:
+    if options.peers:
+        return bench_peers(options)
     broken = bench_samplers(options.further) if options.only != "renders" else 0
     if options.only != "samplers":
         archive = package()
@@ -121,6 +135,9 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "Handed on: --a, --b, --samples or --seconds, --reference-samples, --seed, --size (docs/compare.md)"
     )
     added["bench"].add_argument("--only", choices=("samplers", "renders"), help="leave the other half out")
+    added["bench"].add_argument(
+        "--peers", action="store_true", help="against Cycles and Mitsuba instead; with --quick a few cases"
+    )
     added["test"].add_argument("parts", nargs="*", help=f"run these parts only: {', '.join(TEST_PARTS)}")
     options, further = parser.parse_known_args(arguments)
     if further and options.command not in ("demo", "bench", "compare"):  # these hand further options on

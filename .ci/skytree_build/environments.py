@@ -144,5 +144,31 @@ def blender_module(version: str) -> Path:
     return environment(f"bpy-{version}", f"blender-{version.replace('.', '-')}", BLENDERS[version])
 
 
+def mitsuba_module() -> tuple[Path, Path | None]:
+    """The interpreter of build/venv-mitsuba, and the LLVM that it compiles with, where there is one."""
+    try:
+        require_packages("mitsuba")
+    except BuildError as error:
+        print(f"• LLVM for Mitsuba: {error}", flush=True)
+    return environment("venv-mitsuba", "mitsuba", "3.11"), find_llvm()
+
+
+def find_llvm() -> Path | None:
+    """The newest libLLVM; 15 and 16, which abort where there is AVX512-FP16, only if there is no other."""
+    if named := os.environ.get("DRJIT_LIBLLVM_PATH"):
+        return Path(named)
+    found = {}
+    for folder in (
+        "/usr/lib/x86_64-linux-gnu",
+        "/usr/lib64",
+        "/usr/lib",
+        *Path("/usr/lib").glob("llvm-*/lib"),
+    ):
+        for file in sorted(Path(folder).glob("libLLVM*.so*")):
+            if match := re.match(r"libLLVM(?:-(\d+)|\.so\.(\d+))", file.name):
+                found.setdefault(int(match[1] or match[2]), file)
+    return found[max(found, key=lambda version: (version not in (15, 16), version))] if found else None
+
+
 def left_out(python_version: str) -> str:
     return f"no Python {python_version} with headers on PATH or under pyenv"

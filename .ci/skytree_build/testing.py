@@ -128,7 +128,8 @@ PYTHON_GROUPS = {"3.11": "tools", "3.13": "core-test"}
 
 def test_demo() -> Outcome:
     build_wheel()
-    return pytest("demo", [environment("venv", "tools", "3.11"), "-m", "pytest"], ROOT / "docs" / "demo")
+    folders = [ROOT / "docs" / "demo", ROOT / "docs" / "bench"]
+    return pytest("demo", [environment("venv", "tools", "3.11"), "-m", "pytest"], *folders)
 
 
 def test_blender_module(version: str) -> Outcome:

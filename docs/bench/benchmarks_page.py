@@ -112,3 +112,11 @@ def sampler_section(samplers: dict) -> str:
         "Google Benchmark: processor time of one iteration on one core (native/bench tells what that is).\n\n"
         + table(["", "time"], rows)
     )
+
+
+def merged(old: str, new: str) -> str:
+    """The page `old` with the `##` sections of `new` in place of those of the same title, or at its end."""
+    pages = [re.split(r"(?m)^(?=## )", text) for text in (old, new)]
+    fresh = {part.split("\n", 1)[0]: part.rstrip("\n") + "\n" for part in pages[1] if part.startswith("## ")}
+    kept = [fresh.pop(part.split("\n", 1)[0], part.rstrip("\n") + "\n") for part in pages[0] if part.strip()]
+    return "\n".join([*kept, *fresh.values()])

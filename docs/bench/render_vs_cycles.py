@@ -211,7 +211,8 @@ def main() -> int:
     report.write_text(json.dumps(measured, indent=2) + "\n")
     samplers = json.loads(arguments.samplers.read_text()) if arguments.samplers.exists() else None
     page = benchmarks_page.page(measured, samplers)
-    arguments.page.write_text(page)
+    old = arguments.page.read_text() if arguments.page.exists() else ""
+    arguments.page.write_text(benchmarks_page.merged(old, page))
     console.print(page, markup=False, highlight=False, soft_wrap=True)
     return 0
 

@@ -42,7 +42,7 @@ def run_in_blender(blender: list[str], script: Path, job: dict, log: Path) -> It
                 str(write_end),
             ],
             env={
-                **_clean_environment(),
+                **clean_environment(),
                 "BLENDER_USER_RESOURCES": user_folder,
                 "BLENDER_USER_SCRIPTS": f"{user_folder}/scripts",  # what 3.4 knows
             },
@@ -70,7 +70,7 @@ def run_in_blender(blender: list[str], script: Path, job: dict, log: Path) -> It
         raise BlenderError(f"Blender: {failure or f'ended with code {code}'}\n{tail}The whole log: {log}")
 
 
-def _clean_environment() -> dict[str, str]:
+def clean_environment() -> dict[str, str]:
     """Ours without what would lead Blender's Python to this environment's packages."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV", "BLENDER_"))}
     # Debian's Blender looks for its packages beside the first python3 on PATH.

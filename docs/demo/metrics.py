@@ -20,6 +20,7 @@ def error_figures(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> 
     plain
                 figure) and with the reference's own expected squared error, (half_a - half_b)^2 / 4,
                 subtracted (c: corrected)
+    relmse_tc   relmse trimmed and corrected in the same way, each pixel by its own error
     mean_difference   mean(d) / m; what is left of it as samples grow is bias
     """
     if image.shape != half_a.shape or image.shape != half_b.shape:
@@ -32,15 +33,19 @@ def error_figures(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> 
     squared = (image - reference) ** 2
     rmse = np.sqrt(squared.mean())
 
-    own = ((half_a - half_b) ** 2 / 4).mean(axis=2).reshape(-1)
+    own_squared = (half_a - half_b) ** 2 / 4
+    scale = reference**2 + 0.01 * mean**2
+    own = own_squared.mean(axis=2).reshape(-1)
     per_pixel = squared.mean(axis=2).reshape(-1)
+    relative = ((squared - own_squared) / scale).mean(axis=2).reshape(-1)
     worst = int(np.ceil(TRIMMED_SHARE * per_pixel.size))
     kept = np.argsort(per_pixel, kind="stable")[: per_pixel.size - worst]
     corrected = max(per_pixel[kept].mean() - own[kept].mean(), 0.0)
     return {
         "rmse": float(rmse),
         "nrmse": float(rmse / mean),
-        "relmse": float((squared / (reference**2 + 0.01 * mean**2)).mean()),
+        "relmse": float((squared / scale).mean()),
+        "relmse_tc": float(max(relative[kept].mean(), 0.0)),
         "nrmse_tc": float(np.sqrt(corrected) / mean),
         "mean_difference": float((image - reference).mean() / mean),
     }
