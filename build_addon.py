@@ -97,10 +97,12 @@ def command_bench(options: argparse.Namespace) -> str:
     )
 
 
-def command_figures(_: argparse.Namespace) -> str:
-    raise BuildError(
-        "This version does not make the paper's figures yet; `demo` makes Figures 2, 3 and 6 for one map."
-    )
+def command_figures(options: argparse.Namespace) -> str:
+    build_wheel()
+    command = [environment("venv", "tools", "3.11"), ROOT / "docs" / "make_figures" / "make_figures.py"]
+    command += ["--blender-python", blender_module("4.5"), *options.further]  # whose maps stand in
+    run_visibly("Making the figures", command)
+    return "docs/results.md and docs/tutorial.md show what docs/figures holds."
 
 
 COMMANDS = {
@@ -110,7 +112,7 @@ COMMANDS = {
     "package": (command_package, "make the zip that Blender installs"),
     "bench": (command_bench, "measure the samplers, and renders against Cycles"),
     "compare": (command_compare, "compare two ways of sampling on a .blend file and write a report"),
-    "figures": (command_figures, "make the paper's figures"),
+    "figures": (command_figures, "make the paper's figures, docs/results.md and docs/tutorial.md"),
 }
 
 
@@ -134,13 +136,19 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     ].epilog = (
         "Handed on: --a, --b, --samples or --seconds, --reference-samples, --seed, --size (docs/compare.md)"
     )
+    added["figures"].epilog = "Handed on: --only NAME …, --quick, --again, --out DIR (docs/make_figures)"
     added["bench"].add_argument("--only", choices=("samplers", "renders"), help="leave the other half out")
     added["bench"].add_argument(
         "--peers", action="store_true", help="against Cycles and Mitsuba instead; with --quick a few cases"
     )
     added["test"].add_argument("parts", nargs="*", help=f"run these parts only: {', '.join(TEST_PARTS)}")
     options, further = parser.parse_known_args(arguments)
-    if further and options.command not in ("demo", "bench", "compare"):  # these hand further options on
+    if further and options.command not in (
+        "demo",
+        "bench",
+        "compare",
+        "figures",
+    ):  # these hand further options on
         parser.error(f"unknown: {' '.join(further)}")
     if unknown := [part for part in getattr(options, "parts", []) if part not in TEST_PARTS]:
         parser.error(f"unknown part {', '.join(unknown)}; there are {', '.join(TEST_PARTS)}")

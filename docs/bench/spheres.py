@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import scene as parts
+import shapes
 import teapot
 
 
@@ -28,7 +29,7 @@ def build(scene: bpy.types.Scene, hdri: Path) -> None:
         ("Glossy 0.5", glossy, {"Color": (0.9, 0.9, 0.9, 1), "Roughness": 0.5}),
     ]
     for x, (name, node, inputs) in zip((-2.2, 0.0, 2.2), balls, strict=True):
-        ball = parts.add_mesh(scene, name, parts.sphere(64), parts.material(name, node, inputs))
+        ball = parts.add_mesh(scene, name, shapes.sphere(64), parts.material(name, node, inputs))
         ball.location = (x, 0, 1)
     parts.add_camera(scene, position=(0, -7.5, 5.5), target=(0, 0.2, 0.55), lens=40)
     parts.add_world(scene, hdri, 0.0)

@@ -45,7 +45,7 @@ class Order:
     def reference_key(self) -> str:
         """A hash of everything that the reference depends on: size, seed, scene, map and add-on."""
         digest = hashlib.sha256(repr((self.quality, self.rotation, self.seed)).encode())
-        for file in (HERE / "scene.py", HERE / "teapot.py", self.hdri):
+        for file in (*(HERE / name for name in ("scene.py", "shapes.py", "teapot.py")), self.hdri):
             digest.update(file.read_bytes())
         with zipfile.ZipFile(self.addon) as archive:
             for entry in sorted(archive.infolist(), key=lambda e: e.filename):

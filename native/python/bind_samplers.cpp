@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "bind_arrays.h"
 #include "bindings.h"
 #include "src/alias_sampler.h"
 #include "src/inversion_sampler.h"
@@ -15,46 +16,6 @@ namespace py = pybind11;
 
 namespace skytree {
 namespace {
-
-using FloatArray = py::array_t<float, py::array::c_style | py::array::forcecast>;
-
-std::string shape_text(const py::array& array) {
-  std::string text = "(";
-  for (py::ssize_t i = 0; i < array.ndim(); ++i) {
-    text += (i ? ", " : "") + std::to_string(array.shape(i));
-  }
-  return text + (array.ndim() == 1 ? ",)" : ")");
-}
-
-/// An array of floating-point numbers, or std::invalid_argument that names it.
-py::array require_float_array(const py::object& value, const char* name) {
-  const py::array array = py::array::ensure(value);
-  if (!array) {
-    PyErr_Clear();
-    throw std::invalid_argument(std::string(name) + " is not an array");
-  }
-  if (array.dtype().kind() != 'f') {
-    throw std::invalid_argument(std::string(name) + " has dtype " +
-                                py::str(py::object(array.dtype())).cast<std::string>() +
-                                "; it must hold floating-point numbers");
-  }
-  return array;
-}
-
-FloatArray require_image(const py::object& value) {
-  const py::array array = require_float_array(value, "image");
-  if (array.ndim() != 3 || array.shape(2) != 3 || array.shape(0) < 1 || array.shape(1) < 1) {
-    throw std::invalid_argument("image has shape " + shape_text(array) +
-                                "; it must be (height, width, 3), linear RGB, not empty");
-  }
-  return FloatArray(array);
-}
-
-LatLongImage image_view(const FloatArray& image) {
-  if (image.shape(0) > INT32_MAX || image.shape(1) > INT32_MAX)
-    return {image.data(), INT32_MAX, INT32_MAX};
-  return {image.data(), (int)image.shape(1), (int)image.shape(0)};
-}
 
 py::array require_triples(const py::object& value, const char* name) {
   const py::array array = require_float_array(value, name);
@@ -143,34 +104,14 @@ FloatArray pdf(const EnvironmentSampler& sampler, const py::object& directions) 
   return result;
 }
 
-template <typename Enum>
-struct Choice {
-  const char* name;
-  Enum value;
-};
-
-template <typename Enum, size_t N>
-Enum parse(const std::string& text, const char* setting, const Choice<Enum> (&choices)[N]) {
-  std::string names;
-  for (const auto& choice : choices) {
-    if (text == choice.name) return choice.value;
-    names += (names.empty() ? "" : ", ") + std::string(choice.name);
-  }
-  throw std::invalid_argument(std::string(setting) + " is \"" + text + "\"; it must be one of " +
-                              names);
-}
-
-constexpr Choice<SplitCriterion> kSplitCriteria[] = {
-    {"RANGE", SplitCriterion::RANGE},
-    {"VARIANCE", SplitCriterion::VARIANCE},
-    {"SSE", SplitCriterion::SSE},
-    {"MIN_VARIANCE", SplitCriterion::MIN_VARIANCE}};
 constexpr Choice<BlockProbability> kBlockProbabilities[] = {
     {"FITTED", BlockProbability::FITTED},
     {"EXACT", BlockProbability::EXACT},
     {"MIN_VARIANCE", BlockProbability::MIN_VARIANCE}};
-constexpr Choice<Statistics> kStatistics[] = {{"RADIANCE", Statistics::RADIANCE},
-                                              {"PIXELS", Statistics::PIXELS}};
+constexpr Choice<RankObjective> kRankObjectives[] = {
+    {"LEAST_SQUARES", RankObjective::LEAST_SQUARES},
+    {"LIKELIHOOD", RankObjective::LIKELIHOOD},
+    {"SECOND_MOMENT", RankObjective::SECOND_MOMENT}};
 
 /// The sampler with the array that it was built from, for reconstruct(). A render thread may be the
 /// last to let go of it, so the array is given back under the GIL.
@@ -188,6 +129,7 @@ std::shared_ptr<KdTree> make_kdtree(const py::object& image, int64_t block_count
                                     const std::string& split_criterion,
                                     const std::string& block_probability,
                                     const std::string& statistics, double uniform_share,
+                                    const std::string& alpha_objective,
                                     const py::object& progress) {
   const FloatArray array = require_image(image);
   KdTreeConfig config;
@@ -196,6 +138,7 @@ std::shared_ptr<KdTree> make_kdtree(const py::object& image, int64_t block_count
   config.block_probability = parse(block_probability, "block_probability", kBlockProbabilities);
   config.statistics = parse(statistics, "statistics", kStatistics);
   config.uniform_share = uniform_share;
+  config.rank_objective = parse(alpha_objective, "alpha_objective", kRankObjectives);
   if (!progress.is_none()) {
     config.progress = [&progress](double done) {
       py::gil_scoped_acquire acquire;
@@ -205,6 +148,32 @@ std::shared_ptr<KdTree> make_kdtree(const py::object& image, int64_t block_count
   }
   py::gil_scoped_release release;
   return std::make_shared<KdTree>(array, config);
+}
+
+RankFit fit_ranks(const py::object& probabilities, const std::string& objective) {
+  const py::array array = require_float_array(probabilities, "probabilities");
+  const RankObjective chosen = parse(objective, "objective", kRankObjectives);
+  if (array.ndim() != 1 || array.size() < 1) {
+    throw std::invalid_argument("probabilities has shape " + shape_text(array) +
+                                "; it must be (n,), not empty");
+  }
+  const py::array_t<double, py::array::c_style | py::array::forcecast> doubles(array);
+  std::vector<double> sorted(doubles.data(), doubles.data() + doubles.size());
+  double sum = 0;
+  for (double p : sorted) {
+    if (!(p >= 0.0 && p < INFINITY)) {
+      throw std::invalid_argument("probabilities holds " + std::to_string(p) +
+                                  "; they must be finite and not negative");
+    }
+    sum += p;
+  }
+  if (!(sum > 0.0 && sum < INFINITY)) {
+    throw std::invalid_argument("probabilities sum to " + std::to_string(sum) +
+                                "; their sum must be positive and finite");
+  }
+  std::sort(sorted.begin(), sorted.end(), std::greater<double>());
+  for (double& p : sorted) p /= sum;
+  return fit_rank_model(sorted, chosen);
 }
 
 template <typename Container, typename Get>
@@ -285,6 +254,33 @@ Raises ValueError for another shape or dtype, and for a zero or non-finite vecto
           [](const EnvironmentSampler& s) { return s.bad_texels().message(); },
           "How many bad texels of which kind, in a sentence; empty if there are none.");
 
+  py::class_<RankFit>(m, "RankFit", "What fit_rank_model() returns.")
+      .def_readonly("alpha", &RankFit::alpha, "The model's parameter.")
+      .def_readonly("rms_error", &RankFit::rms_error,
+                    "Root mean squared difference between model q and probabilities p.")
+      .def_readonly("kl_divergence", &RankFit::kl_divergence, "Sum of p log(p/q), nats.")
+      .def_readonly("second_moment", &RankFit::second_moment, "Sum of p^2/q, at least 1.")
+      .def_readonly("largest_ratio", &RankFit::largest_ratio, "Largest p/q.");
+  m.def("fit_rank_model", &fit_ranks, py::arg("probabilities"),
+        py::arg("objective") = "LEAST_SQUARES", R"(
+Fit the paper's one-parameter model (SCCG 2012, equation 2), integrated over each rank, to probabilities.
+
+probabilities: (n,) of any order and any positive sum; they are sorted and normalised. objective: "LEAST_SQUARES" makes
+the sum of (q-p)^2 small, "LIKELIHOOD" that of p log(p/q), "SECOND_MOMENT" that of p^2/q.
+
+Returns a RankFit. Raises ValueError for bad probabilities.)");
+  m.def(
+      "rank_probabilities",
+      [](double alpha, int count) {
+        if (!(alpha > 0.0 && alpha < INFINITY) || count < 1) {
+          throw std::invalid_argument("alpha must be positive and finite, count at least 1");
+        }
+        return to_array(rank_probabilities(alpha, count), [](double p) { return p; });
+      },
+      py::arg("alpha"), py::arg("count"),
+      "(count,) float64: the model's probability of each rank (SCCG 2012, equation 2, "
+      "integrated).");
+
   py::class_<KdTree, EnvironmentSampler, std::shared_ptr<KdTree>>(m, "KdTreeSampler", R"(
 Kd-tree importance sampling of a lat-long map (Ergun, Kurt and Ozturk, SCCG 2012).
 
@@ -296,6 +292,8 @@ block_probability: "FITTED" (the paper's model of sorted probabilities with one 
     the block's power) or "MIN_VARIANCE" (in proportion to sqrt(solid angle * integral of L^2)).
 statistics: "RADIANCE" (weighted by solid angle, radiance interpolated between texels as a renderer does) or "PIXELS" (the
     paper's: every pixel counts alike, with its own value).
+alpha_objective: what alpha is fitted for: "LEAST_SQUARES" of probabilities, "LIKELIHOOD", or least "SECOND_MOMENT" of the
+    blocks' weights; see fit_rank_model().
 uniform_share: share of samples spread over the sphere with "EXACT" and "MIN_VARIANCE"; bounds the largest weight.
 progress: called with the share done, 0 to 1; returning False stops the build with BuildCancelled.
 
@@ -303,7 +301,7 @@ Raises ValueError for a bad image or setting. Texels that are NaN, infinite or n
       .def(py::init(&make_kdtree), py::arg("image"), py::arg("block_count") = 1024,
            py::arg("split_criterion") = "SSE", py::arg("block_probability") = "FITTED",
            py::kw_only(), py::arg("statistics") = "RADIANCE", py::arg("uniform_share") = 0.05,
-           py::arg("progress") = py::none())
+           py::arg("alpha_objective") = "LEAST_SQUARES", py::arg("progress") = py::none())
       .def_property_readonly(
           "alpha", [](const KdTree& s) { return s.fit().alpha; },
           "Parameter of the rank model, fitted to empirical (paper, equation 2).")

@@ -6,5 +6,6 @@ PYBIND11_MODULE(_native, m) {
   m.doc() = "Native core of Skytree; use it through the package skytree_core.";
   skytree::bind_devices(m);
   skytree::bind_samplers(m);
+  skytree::bind_compressed_map(m);
   skytree::bind_render(m);
 }

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "src/block_radiance.h"
 #include "src/stopwatch.h"
 
 namespace skytree {
@@ -112,7 +113,7 @@ void KdTreeSampler::set_probabilities(const BuildTree& tree, const std::vector<i
   }
   std::vector<double> weights = empirical_;
   std::sort(empirical_.begin(), empirical_.end(), std::greater<double>());
-  fit_ = fit_rank_model(empirical_);
+  fit_ = fit_rank_model(empirical_, config.rank_objective);
   if (config.block_probability == BlockProbability::FITTED) {
     probabilities_ = rank_probabilities((float)fit_.alpha, (int)count);
     return;
@@ -291,26 +292,10 @@ void KdTreeSampler::reconstruct(const LatLongImage& image, float* out) const {
   if (image.width != width_ || image.height != height_) {
     throw std::invalid_argument("reconstruct needs the image that the tree was built from");
   }
-  const std::vector<double> solid_angles = row_solid_angles(width_, height_);
+  const std::vector<double> weights = mean_row_weights(width_, height_, statistics_);
   for (const TexelRect& rect : rects_) {
-    double sum[3] = {0, 0, 0}, weight = 0;
-    for (int y = rect.lo[1]; y < rect.hi[1]; ++y) {
-      const double row_weight = statistics_ == Statistics::PIXELS ? 1.0 : solid_angles[y];
-      const float* row = image.texels + 3 * (int64_t)y * width_;
-      for (int x = rect.lo[0]; x < rect.hi[0]; ++x) {
-        const float* t = row + 3 * (int64_t)x;
-        if (!is_good_texel(t)) continue;
-        for (int c = 0; c < 3; ++c) sum[c] += row_weight * t[c];
-        weight += row_weight;
-      }
-    }
-    for (int y = rect.lo[1]; y < rect.hi[1]; ++y) {
-      float* row = out + 3 * (int64_t)y * width_;
-      for (int x = rect.lo[0]; x < rect.hi[0]; ++x) {
-        for (int c = 0; c < 3; ++c)
-          row[3 * (int64_t)x + c] = weight > 0 ? (float)(sum[c] / weight) : 0.0f;
-      }
-    }
+    const std::array<double, 3> mean = block_mean(image, rect, weights);
+    fill_block(rect, {(float)mean[0], (float)mean[1], (float)mean[2]}, width_, out);
   }
 }
 

@@ -23,6 +23,8 @@ struct KdTreeConfig {
   SplitCriterion split_criterion = SplitCriterion::SSE;
   BlockProbability block_probability = BlockProbability::FITTED;
   Statistics statistics = Statistics::RADIANCE;
+  /// What alpha is fitted for; the paper does not say, least squares is our reading.
+  RankObjective rank_objective = RankObjective::LEAST_SQUARES;
   /// Share of samples spread evenly over the sphere with EXACT and MIN_VARIANCE: no direction has
   /// density 0, and the largest weight is bounded. FITTED has no use for it.
   double uniform_share = 0.05;

@@ -16,17 +16,41 @@
 namespace skytree {
 namespace {
 
-/// log(1 + 1/(alpha + i)) and log(1 + n/alpha) for alpha = exp(log_alpha).
+/// One rank's residual and its derivative by q.
+struct Residual {
+  double value, slope;
+};
+
+/// The square is the term of the objective, up to what a sum over all ranks does not change.
+Residual rank_residual(RankObjective objective, double p, double q, double n) {
+  switch (objective) {
+    case RankObjective::LIKELIHOOD: {
+      // p log(p/q) - p + q is never negative and vanishes only at q = p, so it has a smooth root
+      // with the sign of q - p; p and q sum to 1, so the sum is that of p log(p/q).
+      const double ratio = (q - p) / q;
+      if (std::abs(ratio) < 1e-4) return {(q - p) / std::sqrt(2.0 * q), 1.0 / std::sqrt(2.0 * q)};
+      const double term = std::max(0.0, (p > 0 ? p * std::log(p / q) : 0.0) - p + q);
+      const double root = std::copysign(std::sqrt(term), q - p);
+      return {root, 0.5 * ratio / root};
+    }
+    case RankObjective::SECOND_MOMENT:
+      return {p / std::sqrt(q), -0.5 * p / (q * std::sqrt(q))};
+    default:  // times n, so that the solver's tolerances mean the same for any n
+      return {n * (q - p), n};
+  }
+}
+
+/// Residuals by the logarithm of alpha.
 class RankCost {
  public:
   using Scalar = double;
   enum { NUM_RESIDUALS = Eigen::Dynamic, NUM_PARAMETERS = 1 };
 
-  explicit RankCost(const std::vector<double>& empirical) : empirical_(empirical) {}
+  RankCost(const std::vector<double>& empirical, RankObjective objective)
+      : empirical_(empirical), objective_(objective) {}
 
   int NumResiduals() const { return (int)empirical_.size(); }
 
-  /// Differences of probabilities times n, so that the solver's tolerances mean the same for any n.
   bool operator()(const double* log_alpha, double* residuals, double* jacobian) const {
     const double alpha = std::exp(*log_alpha);
     const double n = (double)empirical_.size();
@@ -36,10 +60,11 @@ class RankCost {
     for (size_t i = 0; i < empirical_.size(); ++i) {
       const double x = alpha + (double)i;
       const double probability = std::log1p(1.0 / x) / range;
-      residuals[i] = n * (probability - empirical_[i]);
+      const Residual residual = rank_residual(objective_, empirical_[i], probability, n);
+      residuals[i] = residual.value;
       if (jacobian) {
         const double mass_slope = -alpha / (x * (x + 1.0));
-        jacobian[i] = n * (mass_slope - probability * range_slope) / range;
+        jacobian[i] = residual.slope * (mass_slope - probability * range_slope) / range;
       }
     }
     return true;
@@ -55,6 +80,7 @@ class RankCost {
 
  private:
   const std::vector<double>& empirical_;
+  const RankObjective objective_;
 };
 
 }  // namespace
@@ -66,9 +92,9 @@ std::vector<double> rank_probabilities(double alpha, int count) {
   return probabilities;
 }
 
-RankFit fit_rank_model(const std::vector<double>& empirical) {
+RankFit fit_rank_model(const std::vector<double>& empirical, RankObjective objective) {
   const int count = (int)empirical.size();
-  const RankCost cost(empirical);
+  const RankCost cost(empirical, objective);
   const double lowest = std::log(kSmallestAlpha);
   const double highest = std::log(kLargestAlphaPerBlock * count);
   constexpr int kScan = 48;
@@ -91,12 +117,15 @@ RankFit fit_rank_model(const std::vector<double>& empirical) {
     if (cost.cost(solved) <= best_cost) best = solved;
   }
 
-  RankFit fit = {std::exp(best), 0.0, 0.0};
+  RankFit fit = {std::exp(best), 0.0, 0.0, 0.0, 0.0};
   const std::vector<double> model = rank_probabilities(fit.alpha, count);
   for (int i = 0; i < count; ++i) {
     const double difference = model[i] - empirical[i];
+    const double ratio = empirical[i] / model[i];
     fit.rms_error += difference * difference / count;
-    if (empirical[i] > 0) fit.kl_divergence += empirical[i] * std::log(empirical[i] / model[i]);
+    if (empirical[i] > 0) fit.kl_divergence += empirical[i] * std::log(ratio);
+    fit.second_moment += empirical[i] * ratio;
+    fit.largest_ratio = std::max(fit.largest_ratio, ratio);
   }
   fit.rms_error = std::sqrt(fit.rms_error);
   return fit;

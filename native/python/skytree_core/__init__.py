@@ -13,15 +13,19 @@ try:
     from ._native import (
         AliasSampler,
         BuildCancelled,
+        CompressedMap,
         Device,
         EnvironmentSampler,
         InversionSampler,
         KdTreeSampler,
+        RankFit,
         RenderSession,
         Scene,
         UniformSampler,
         cuda_problem,
         devices,
+        fit_rank_model,
+        rank_probabilities,
     )
 except ModuleNotFoundError as error:
     if error.name != f"{__name__}._native":
@@ -36,14 +40,18 @@ __version__ = "0.1.0"
 __all__ = [
     "AliasSampler",
     "BuildCancelled",
+    "CompressedMap",
     "Device",
     "EnvironmentSampler",
     "InversionSampler",
     "KdTreeSampler",
+    "RankFit",
     "RenderSession",
     "Scene",
     "UniformSampler",
     "cuda_problem",
     "devices",
+    "fit_rank_model",
+    "rank_probabilities",
     "read_image",
 ]

@@ -11,6 +11,8 @@ import os
 
 import numpy as np
 
+from ._native import CompressedMap
+
 _INSTALL = "install it with `pip install OpenImageIO` or, on Debian, `apt install python3-openimageio`"
 
 
@@ -20,8 +22,8 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
     Reads what OpenImageIO reads: OpenEXR (scanline, tiled, mip-mapped, half, float, any compression),
     Radiance HDR and more; the largest level of the first part. Channels are found by name: R, G and B in any
     order, or Y or a single channel, which is taken as grey; others, alpha among them, are left out. Files of
-    integers are taken as sRGB. Values are as stored: NaN, infinite and negative ones stay (samplers count and
-    skip them).
+    integers are taken as sRGB. A CompressedMap's file gives its blocks, without OpenImageIO. Values are as
+    stored: NaN, infinite and negative ones stay (samplers count and skip them).
 
     Raises FileNotFoundError, IsADirectoryError, PermissionError or another OSError where the file cannot be
     read, ValueError where it is not an image of this kind, ImportError without OpenImageIO; each names the
@@ -29,6 +31,8 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
     """
     path = os.fspath(path)
     _check_file(path)
+    if _is_compressed_map(path):
+        return CompressedMap.load(path).image()
     oiio = _openimageio()
     image = oiio.ImageInput.open(path)
     if image is None:
@@ -38,6 +42,11 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
         return _read(image, path)
     finally:
         image.close()
+
+
+def _is_compressed_map(path: str) -> bool:
+    with open(path, "rb") as file:
+        return file.read(4) == b"SKYM"
 
 
 def _openimageio():
