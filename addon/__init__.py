@@ -28,7 +28,7 @@ if "engine" in locals():
     for _name in [name for name in sys.modules if name.startswith(__package__ + ".")]:
         importlib.reload(sys.modules[_name])
 
-from . import engine, panels, presets, properties  # noqa: E402
+from . import compress_op, engine, panels, presets, properties  # noqa: E402
 from .compare import cli as compare_cli  # noqa: E402
 from .compare import ops as compare_ops  # noqa: E402
 from .compare import panel as compare_panel  # noqa: E402
@@ -43,6 +43,7 @@ _MODULES = (
     properties,
     presets,
     engine,
+    compress_op,
     panels,
     problems,
     floating,

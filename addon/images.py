@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
+from . import compressed_map
 from .messages import Messages
 from .nodes import expression as ex
 
@@ -69,6 +70,8 @@ class ImageStore:
                 topic="IMAGE",
             )
             return None
+        if compressed_map.is_compressed(image):
+            return self._compressed(image, path, owner, messages)
         is_sequence = image.source == "SEQUENCE"
         if image.source == "TILED":
             messages.warn(f'{owner}: of the UDIM image "{image.name}" only the first tile is used')
@@ -93,6 +96,16 @@ class ImageStore:
             state = (*state, self._checksum(image))
         return ImageSource(state, image.name, path, is_sequence, image)
 
+    def _compressed(self, image, path: str, owner: str, messages: Messages) -> ImageSource | None:
+        packed = image.packed_file
+        try:
+            compressed_map.decode(image, path)  # some kilobytes: what is wrong is better said now
+        except ValueError as error:
+            messages.warn(f'{owner}: the image "{image.name}" cannot be read: {error}', topic="IMAGE")
+            return None
+        state = (identity_of(image), path, zlib.crc32(packed.data) if packed else _modified(path))
+        return ImageSource(state, image.name, path, False, image)
+
     def _checksum(self, image) -> int:
         key = identity_of(image)
         if key not in self._checksums:
@@ -108,6 +121,8 @@ def identity_of(datablock) -> int:
 
 def read_pixels(image) -> np.ndarray:
     """See ImageSource.pixels; honours colour space, packed files and unsaved edits."""
+    if compressed_map.is_compressed(image):
+        return compressed_map.decode(image, _path(image, None))
     width, height = image.size
     channels = image.channels
     raw = _raw_pixels(image)

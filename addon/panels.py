@@ -164,6 +164,7 @@ class SKYTREE_WORLD_PT_figures(_WorldPanel, bpy.types.Panel):
         for label, value in rows:
             grid.label(text=label)
             grid.label(text=value)
+        self.layout.operator("skytree.compress_hdri", icon="FILE_TICK")
 
 
 class SKYTREE_WORLD_PT_messages(_WorldPanel, bpy.types.Panel):

@@ -128,7 +128,7 @@ PYTHON_GROUPS = {"3.11": "tools", "3.13": "core-test"}
 
 def test_demo() -> Outcome:
     build_wheel()
-    folders = [ROOT / "docs" / "demo", ROOT / "docs" / "bench"]
+    folders = [ROOT / "docs" / part for part in ("demo", "bench", "make_figures")]
     return pytest("demo", [environment("venv", "tools", "3.11"), "-m", "pytest"], *folders)
 
 

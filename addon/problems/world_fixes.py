@@ -8,6 +8,7 @@ import os
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
+from .. import compressed_map
 from ..images import read_pixels
 from ..map_figures import repaired
 from .bake_world import SKYTREE_OT_bake_world
@@ -51,7 +52,7 @@ class SKYTREE_OT_open_hdri(bpy.types.Operator):
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: StringProperty(
-        default="*.exr;*.hdr;*.pic;*.tif;*.tiff;*.png;*.jpg;*.jpeg", options={"HIDDEN"}
+        default="*.exr;*.hdr;*.pic;*.tif;*.tiff;*.png;*.jpg;*.jpeg;*.skymap", options={"HIDDEN"}
     )
 
     @classmethod
@@ -68,7 +69,14 @@ class SKYTREE_OT_open_hdri(bpy.types.Operator):
         except RuntimeError as error:
             self.report({"ERROR"}, f"{os.path.basename(self.filepath)} was not opened: {error}")
             return {"CANCELLED"}
-        if not all(image.size):
+        if compressed_map.is_compressed(image):
+            try:
+                compressed_map.decode(image, bpy.path.abspath(self.filepath))
+            except ValueError as error:
+                bpy.data.images.remove(image)
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+        elif not all(image.size):
             bpy.data.images.remove(image)
             self.report({"ERROR"}, f"{self.filepath} is not an image that Blender can open")
             return {"CANCELLED"}

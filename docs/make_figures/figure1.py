@@ -75,7 +75,7 @@ def errors_of(image: np.ndarray, rebuilt: np.ndarray) -> dict[str, float]:
 
 def sheet(name: str, image: np.ndarray, maps: dict, rows: list[dict], budgets: dict) -> Image.Image:
     """The map, then for each budget what the blocks of each criterion make of it."""
-    size = (640, round(640 * image.shape[0] / image.shape[1]))
+    size = (480, round(480 * image.shape[0] / image.shape[1]))
     exposure = pictures.exposure_for(image)
 
     def tile(radiance: np.ndarray) -> Image.Image:

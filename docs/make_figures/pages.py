@@ -32,14 +32,19 @@ class PageError(Exception):
 
 
 def write(texts: Path, out: Path, figures: tuple[str, ...], maps: Maps) -> Path:
-    """Writes results.md beside the folder docs/figures, or into any other one."""
-    page = (out.parent if out == ROOT / "docs" / "figures" else out) / "results.md"
+    """Writes results.md from the texts of all figures."""
+    page = place(out, "results.md")
     names = ["results", *(name for name in figures if (texts / f"{name}.md").exists()), "results_end"]
     text = "\n".join((texts / f"{name}.md").read_text() for name in names if (texts / f"{name}.md").exists())
     if not maps.has_the_papers:
         text = text.replace("\n", f"\n{STAND_IN_NOTE}", 1)
     page.write_text(fill(text, out, os.path.relpath(out, page.parent), maps.named))
     return page
+
+
+def place(out: Path, name: str) -> Path:
+    """Where a page lies: beside docs/figures, or in any other folder of figures."""
+    return (out.parent if out == ROOT / "docs" / "figures" else out) / name
 
 
 def fill(text: str, out: Path, link: str, named: Callable | None = None) -> str:
