@@ -51,6 +51,7 @@ def frame_rates(
         seconds = render.seconds / (render.threads if device == "CPU" else 1)
         rows.append(
             {
+                "on": device.partition(":")[0],
                 "device": device_name,
                 "threads": render.threads if device == "CPU" else 0,
                 "map": name,
@@ -78,6 +79,7 @@ def summary(rows: list[dict]) -> list[dict]:
             ratios = [row["fps_over_inversion"] for row in of]
             found.append(
                 {
+                    "on": of[0]["on"],
                     "device": device,
                     "threads": of[0]["threads"],
                     "method": method,
@@ -105,6 +107,7 @@ def plot(rows: list[dict], devices: dict[str, str]):
         axis.set_ylabel("frames per second")
         axis.set_xticks(range(len(names)), names, rotation=40, ha="right", fontsize=8)
         axis.grid(axis="x", alpha=0)
-    axes[0].legend(frameon=False, ncol=4, fontsize=9, loc="lower right")
+        axis.set_ylim(0, 1.16 * axis.get_ylim()[1])
+    axes[0].legend(frameon=False, ncol=4, fontsize=9, loc="upper center")
     figure.tight_layout()
     return figure

@@ -11,7 +11,7 @@ from context import Context
 TITLE = "Figure 5: frame rates by samples per pixel"
 INPUTS = ("figure4.py",)
 COUNTS = (1, 2, 4, 8, 16, 32, 64)
-MAPS = ("uffizi", "doge2", "noon_grass")
+MAPS = ("uffizi", "doge2")
 
 
 def make(context: Context) -> None:

@@ -3,6 +3,7 @@
 
     [[table.csv|column=value,column=value|column|format]]   the number in that row, linked to its table
     [[rows table.csv|column:format,column as Title:format]] the table itself
+    [[rows table.csv|column|column=value|else:text]]        the table's rows of that value, or the text
     {{uffizi}}                                              the map of that name, or what stands in for it
 
 A number is a link to the CSV that has it; a format is Python's, such as .1f or .0%.
@@ -76,10 +77,14 @@ def _rows(name: str, columns: str, conditions: list[str], out: Path, link: str) 
         field, _, form = column.strip().partition(":")
         field, _, title = field.partition(" as ")
         wanted.append((field.strip(), title.strip() or field.strip(), form))
+    otherwise = [entry.removeprefix("else:") for entry in conditions if entry.startswith("else:")]
+    conditions = [entry for entry in conditions if not entry.startswith("else:")]
     lines = ["| " + " | ".join(title for _, title, _ in wanted) + " |", "|---" * len(wanted) + "|"]
     for entry in read_table(out / name):
         if all(_matches(entry, condition) for condition in conditions):
             lines.append("| " + " | ".join(_format(entry[field], form) for field, _, form in wanted) + " |")
+    if len(lines) == 2 and otherwise:
+        return otherwise[0]
     return "\n".join([*lines, "", f"From [{name}]({link}/{name})."])
 
 
