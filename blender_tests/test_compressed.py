@@ -59,5 +59,6 @@ def test_a_damaged_file_is_named(skytree, scene, file):
 
 
 def test_a_world_without_a_map_cannot_be_compressed(skytree, scene, tmp_path):
+    scene.world = bpy.data.worlds.new("Grey")
     with pytest.raises(RuntimeError, match="no image to compress"):
         bpy.ops.skytree.compress_hdri(filepath=str(tmp_path / "none.skymap"))

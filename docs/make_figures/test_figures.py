@@ -81,7 +81,7 @@ def test_what_is_finished_is_skipped_and_what_is_not_gives_the_same(quick):
     assert tables(quick) == before
 
 
-@pytest.mark.skipif(not RESULTS.exists(), reason="docs/results.md has not been made")
+@pytest.mark.skipif("## Figure" not in RESULTS.read_text(), reason="docs/results.md has not been made")
 class TestResults:
     def test_every_picture_and_table_exists(self):
         links = re.findall(r"\]\((figures/[^)]+)\)", RESULTS.read_text())
