@@ -34,6 +34,7 @@ from .compare import ops as compare_ops  # noqa: E402
 from .compare import panel as compare_panel  # noqa: E402
 from .compare import props as compare_props  # noqa: E402
 from .compare import region as compare_region  # noqa: E402
+from .environments import environments  # noqa: E402
 from .pictures import map_pictures, overlay  # noqa: E402
 from .pictures import panel as overlay_panel  # noqa: E402
 from .problems import panel as problems  # noqa: E402
@@ -100,3 +101,4 @@ def unregister():
     atexit.unregister(_unregister_at_exit)
     while _registered:
         _registered.pop().unregister()
+    environments.clear()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+import weakref
 from collections import OrderedDict
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -49,6 +50,8 @@ class BuiltEnvironment:
     map_size: tuple[int, int] = (0, 0)  # width, height
     build_seconds: float = 0.0
     messages: Messages = field(default_factory=Messages)
+    # compare.metrics.sampler_figures, once somebody asked for them: they cost more than the sampler.
+    figures: Future | None = None
 
 
 class Environments:
@@ -79,7 +82,14 @@ class Environments:
         """What the map is like; None before a sampler was built for it."""
         return self._figures.get(environment.expression)
 
+    def sizes(self) -> dict[str, int]:
+        """How many maps and samplers are kept."""
+        return {"maps": len(self._maps), "samplers": len(self._built)}
+
     def clear(self):
+        """Gives everything back; what is being built is waited for."""
+        for thread in list(_threads):
+            thread.join()
         with self._lock:
             self._maps.clear()
             self._figures.clear()
@@ -148,8 +158,13 @@ class Environments:
         future.set_exception(error)
 
 
+_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+
+
 def _on_a_thread(build):
-    threading.Thread(target=build, name="Skytree sampler", daemon=True).start()
+    thread = threading.Thread(target=build, name="Skytree sampler", daemon=True)
+    _threads.add(thread)
+    thread.start()
 
 
 def make_sampler(image: np.ndarray | None, settings: SamplerSettings):

@@ -246,12 +246,16 @@ CLASSES = (
 def _blenders_panels():
     for panel in _subclasses(bpy.types.Panel):
         engines = getattr(panel, "COMPAT_ENGINES", None)
-        if not isinstance(engines, set) or panel in CLASSES:
+        if not isinstance(engines, set) or _is_ours(panel):
             continue
         if panel.__name__ in _SHARED_PANELS or (
             "BLENDER_RENDER" in engines and panel.__name__ not in _EXCLUDED_PANELS
         ):
             yield panel
+
+
+def _is_ours(panel) -> bool:
+    return panel.__module__.startswith(__package__ + ".")
 
 
 def _subclasses(cls):
@@ -269,7 +273,8 @@ def register():
 
 def unregister():
     for panel in _subclasses(bpy.types.Panel):
-        if panel not in CLASSES and isinstance(getattr(panel, "COMPAT_ENGINES", None), set):
+        # Also those that other add-ons registered since; ours keep theirs for the next time.
+        if not _is_ours(panel) and isinstance(getattr(panel, "COMPAT_ENGINES", None), set):
             panel.COMPAT_ENGINES.discard(ENGINE)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -261,3 +261,29 @@ def demo_objects(scene):
     glossy = material("ShaderNodeBsdfGlossy", "Metal", Color=(0.9, 0.9, 0.9), Roughness=0.4)
     shader_node(glossy).distribution = "GGX"
     sphere(scene, (1.2, 0, 1), material=glossy)
+
+
+def large_scene(scene):
+    """A million triangles under a map of 4096 x 2048 texels; the object and the world's Mapping node."""
+    n = 708
+    xy = np.linspace(-2.0, 2.0, n, dtype=np.float32)
+    co = np.stack((*np.meshgrid(xy, xy), np.zeros((n, n), np.float32)), axis=-1).reshape(-1, 3)
+    co[:, 2] = 0.2 * np.sin(9 * co[:, 0]) * np.sin(9 * co[:, 1])
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).reshape(-1)
+    quads = np.stack((i, i + 1, i + n + 1, i + n), axis=-1).astype(np.int32)
+    grid = bpy.data.meshes.new("Grid")
+    grid.vertices.add(len(co))
+    grid.vertices.foreach_set("co", co.ravel())
+    grid.loops.add(quads.size)
+    grid.loops.foreach_set("vertex_index", quads.ravel())
+    grid.polygons.add(len(quads))
+    grid.polygons.foreach_set("loop_start", np.arange(0, quads.size, 4, dtype=np.int32))
+    if bpy.app.version < (4, 1, 0):
+        grid.polygons.foreach_set("loop_total", np.full(len(quads), 4, np.int32))
+    grid.update(calc_edges=True)
+    ob = _link(scene, grid, (0.0, 0.0, 0.0), material("ShaderNodeBsdfDiffuse", "Grey"))
+    image = bpy.data.images.new("large", 4096, 2048, float_buffer=True, alpha=False)
+    pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
+    image.pixels.foreach_set(pixels.ravel())
+    _, mapping = set_map(scene, image)
+    return ob, mapping

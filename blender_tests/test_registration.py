@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Settings, panels and presets, and that nothing stays behind when the add-on is disabled."""
 
+import threading
 import types
 
 import bpy
@@ -160,7 +161,7 @@ def test_world_and_material_nodes_can_be_edited(skytree):
             assert "SKYTREE" in cls.COMPAT_ENGINES
 
 
-def leftovers():
+def leftovers(skytree):
     found = {name for name in dir(bpy.types) if "skytree" in name.lower()}
     found |= {f"operator {name}" for name in dir(bpy.ops.skytree)}
     for holder in (bpy.types.Scene, bpy.types.Material, bpy.types.WindowManager, bpy.types.World):
@@ -169,6 +170,10 @@ def leftovers():
     for cls in subclasses(bpy.types.Panel):
         if "SKYTREE" in (getattr(cls, "COMPAT_ENGINES", None) or ()) and "SKYTREE" not in cls.__name__:
             found.add(cls.__name__)
+    found |= {f"thread {t.name}" for t in threading.enumerate() if "skytree" in t.name.lower()}
+    timers = bpy.app.timers
+    clock, pictures = "viewport.clock", "pictures.map_pictures"
+    found |= {f"timer {n}" for n in (clock, pictures) if timers.is_registered(scenes.part(skytree, n)._tick)}
     for name in dir(bpy.app.handlers):
         handlers = getattr(bpy.app.handlers, name)
         if isinstance(handlers, list):
@@ -176,6 +181,15 @@ def leftovers():
                 f"handler {h.__module__}" for h in handlers if "skytree" in getattr(h, "__module__", "")
             }
     return found
+
+
+def own_panels(skytree):
+    """All panels of the add-on that belong to its engine, in whichever module."""
+    return [
+        cls
+        for cls in subclasses(bpy.types.Panel)
+        if cls.__module__.startswith(skytree.__name__ + ".") and hasattr(cls, "COMPAT_ENGINES")
+    ]
 
 
 def subclasses(cls):
@@ -188,11 +202,15 @@ def test_enabling_ten_times_leaves_nothing(scene, skytree):
     scenes.demo_objects(scene)
     scenes.set_map(scene, scenes.bundled())
     scenes.render_skytree(scene, 1)
-    before = leftovers()
+    scenes.part(skytree, "environments").environments.clear()  # waits for its threads
+    before = leftovers(skytree)
+    shown = {cls: cls.COMPAT_ENGINES for cls in own_panels(skytree)}
     for _ in range(10):
         skytree.unregister()
-        assert leftovers() == set()
+        assert leftovers(skytree) == set()
         skytree.register()
-        assert leftovers() == before
+        assert leftovers(skytree) == before
+        assert all("SKYTREE" in engines for engines in shown.values()), "a panel is never shown again"
+    assert not scenes.part(skytree, "environments").environments.sizes()["maps"], "a map stayed in memory"
     bpy.context.scene.render.engine = "SKYTREE"
     assert scenes.render_skytree(bpy.context.scene, 1)[..., :3].max() > 0.0

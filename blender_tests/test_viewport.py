@@ -372,29 +372,7 @@ def test_500_updates_leak_nothing(skytree, viewport):
 
 def test_main_thread_stays_responsive(skytree, scene):
     """Prints how long calls of the main thread take with a million triangles and a 4096 x 2048 map."""
-    plane = scenes.plane(scene, 4.0, material=scenes.material("ShaderNodeBsdfDiffuse", "Grey"))
-    grid = bpy.data.meshes.new("Grid")
-    grid.from_pydata([], [], [])
-    n = 708
-    xy = np.linspace(-2.0, 2.0, n, dtype=np.float32)
-    co = np.stack((*np.meshgrid(xy, xy), np.zeros((n, n), np.float32)), axis=-1).reshape(-1, 3)
-    co[:, 2] = 0.2 * np.sin(9 * co[:, 0]) * np.sin(9 * co[:, 1])
-    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).reshape(-1)
-    quads = np.stack((i, i + 1, i + n + 1, i + n), axis=-1).astype(np.int32)
-    grid.vertices.add(len(co))
-    grid.vertices.foreach_set("co", co.ravel())
-    grid.loops.add(quads.size)
-    grid.loops.foreach_set("vertex_index", quads.ravel())
-    grid.polygons.add(len(quads))
-    grid.polygons.foreach_set("loop_start", np.arange(0, quads.size, 4, dtype=np.int32))
-    if bpy.app.version < (4, 1, 0):
-        grid.polygons.foreach_set("loop_total", np.full(len(quads), 4, np.int32))
-    grid.update(calc_edges=True)
-    plane.data = grid
-    image = bpy.data.images.new("big", 4096, 2048, float_buffer=True, alpha=False)
-    pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
-    image.pixels.foreach_set(pixels.ravel())
-    _, mapping = scenes.set_map(scene, image)
+    plane, mapping = scenes.large_scene(scene)
     scene.skytree.preview_samples = 2
 
     module = part(skytree, "viewport.renderer")

@@ -40,7 +40,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--b", default="inversion", metavar="METHOD", help="what B is (default: inversion)")
     clock = to.add_mutually_exclusive_group()
     clock.add_argument("--samples", type=int, help="equal samples: this many per pixel (default: the file's)")
-    clock.add_argument("--seconds", type=float, help="equal time: this many CPU seconds each")
+    clock.add_argument(
+        "--seconds",
+        type=float,
+        help="equal time: seconds of the device each: processor time of all threads, or a GPU's time",
+    )
     to.add_argument("--reference-samples", type=int, help="samples per pixel of the reference")
     to.add_argument("--seed", type=int, help="start of the random numbers (default: the file's)")
     to.add_argument("--size", metavar="WxH", help="resolution (default: the file's)")

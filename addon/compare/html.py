@@ -91,9 +91,19 @@ def _result_rows(comparison: Comparison) -> str:
     ):
         rows.append((name, what, [_number(side.sampler.get(key)) for side in (a, b)]))
     rows.append(("render time", "seconds", [f"{side.last.render_seconds:.3f}" for side in (a, b)]))
-    rows.append(("CPU time", "seconds, all threads", [f"{side.last.cpu_seconds:.3f}" for side in (a, b)]))
     rows.append(
-        ("efficiency", "1 / (nRMSE_tc² × CPU seconds)", [_number(side.last.efficiency) for side in (a, b)])
+        (
+            "device time",
+            "seconds: of all threads together on the CPU, on the clock on a GPU",
+            [f"{side.last.device_seconds:.3f}" for side in (a, b)],
+        )
+    )
+    rows.append(
+        (
+            "efficiency",
+            "1 / (nRMSE_tc² × seconds of device time)",
+            [_number(side.last.efficiency) for side in (a, b)],
+        )
     )
     return "".join(
         f'<tr><th title="{escape(what)}">{escape(name)}</th><td>{x}</td><td>{y}</td></tr>'
@@ -113,7 +123,7 @@ def _plots(comparison: Comparison) -> str:
         }
 
     return log_log_plot(curves("samples"), "samples per pixel", "nRMSE_tc²") + log_log_plot(
-        curves("cpu_seconds"), "CPU seconds", "nRMSE_tc²"
+        curves("device_seconds"), "seconds of device time", "nRMSE_tc²"
     )
 
 

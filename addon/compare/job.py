@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 
 from .. import native
 from ..environments import SamplerSettings
@@ -21,6 +22,7 @@ from .render import Progress, Renderer, compare, timestamp
 from .report import Comparison, write_report
 
 CHOICES = tuple(item[0] for item in METHODS)
+BEST = Method(SamplerSettings())  # renders the reference
 
 
 def side_choice(text: str) -> SimpleNamespace:
@@ -72,35 +74,51 @@ class ReportJob:
         return method_of(choice, settings)
 
     def run(self, folder: Path, tell: Callable[[Progress], None]) -> dict[str, Path]:
-        """Renders and writes; returns the files by name. Raises ValueError, RuntimeError, OSError or
-        CompareCancelled."""
-        started = timestamp()
+        """All four steps, one after the other. Raises ValueError, RuntimeError, OSError or CompareCancelled,
+        as each of them may."""
         tell(Progress("reading the scene", 0.0))
-        renderer = read_for_render(self.scene, lambda depsgraph: Renderer(depsgraph, tell))
-        best = Method(SamplerSettings())
-        a, b, reference = compare(renderer, self.a, self.b, self.clock, best, self.reference_samples)
+        self.read(tell)
+        self.render()
         tell(Progress("writing the report", 1.0))
+        return self.write(folder, *self.show())
+
+    def read(self, tell: Callable[[Progress], None]):
+        """For the main thread: takes all that it needs from Blender."""
+        self._started = timestamp()
+        self.renderer = read_for_render(self.scene, lambda depsgraph: Renderer(depsgraph, tell))
+        self.renderer.prepare((self.a, self.b, BEST))
+        self._told = self._settings(self.renderer)
+        self._exposure = 2.0**self.scene.view_settings.exposure
+
+    def render(self):
+        """For any thread."""
+        a, b, reference = compare(self.renderer, self.a, self.b, self.clock, BEST, self.reference_samples)
         self.comparison = Comparison(
             a,
             b,
             reference,
-            self._settings(renderer),
+            self._told,
             self._machine(),
-            started,
-            renderer.sync.messages.texts(),
+            self._started,
+            self.renderer.sync.messages.texts(),
         )
-        view = self.scene.view_settings
-        to_display, name = display.view_of(self.scene)
-        return write_report(self.comparison, folder, to_display, name, 2.0**view.exposure)
+
+    def show(self, scene=None) -> tuple[dict[str, np.ndarray], str]:
+        """For the main thread: the pictures through the scene's view transform, and how that is called."""
+        to_display, name = display.view_of(scene or self.scene)
+        return {key: to_display(image) for key, image in self.comparison.images.items()}, name
+
+    def write(self, folder: Path, shown: dict[str, np.ndarray], display_name: str) -> dict[str, Path]:
+        """For any thread: the files by name."""
+        return write_report(self.comparison, folder, shown, display_name, self._exposure)
 
     def summary(self) -> list[str]:
         lines = []
         for key, side in self.comparison.sides.items():
             step = side.last
-            lines.append(
-                f"{key.upper()}: {side.label}, {step.samples} samples, {step.cpu_seconds:.2f} CPU s, "
-                f"nRMSE_tc {step.errors['nrmse_tc']:.4g}, relMSE {step.errors['relmse']:.4g}"
-            )
+            cost = f"{step.samples} samples, {step.device_seconds:.2f} s of {self.renderer.device}"
+            errors = f"nRMSE_tc {step.errors['nrmse_tc']:.4g}, relMSE {step.errors['relmse']:.4g}"
+            lines.append(f"{key.upper()}: {side.label}, {cost}, {errors}")
         return lines
 
     def _settings(self, renderer: Renderer) -> dict:
@@ -109,7 +127,7 @@ class ReportJob:
         equal = (
             {"samples": self.clock.samples}
             if self.clock.kind == "SAMPLES"
-            else {"cpu_seconds": self.clock.seconds}
+            else {"device_seconds": self.clock.seconds}
         )
         x0, y0, x1, y1 = renderer.film.region
         return {
@@ -122,7 +140,7 @@ class ReportJob:
             "clock": {"SAMPLES": "equal samples", "TIME": "equal time"}[self.clock.kind],
             **equal,
             "reference_samples": self.reference_samples,
-            "reference_method": Method(SamplerSettings()).label,
+            "reference_method": BEST.label,
             "seed": settings.seed,
             "max_bounces": settings.max_bounces,
             "pixel_filter": settings.pixel_filter,
@@ -134,7 +152,7 @@ class ReportJob:
         return {
             "skytree": getattr(core, "__version__", "unknown"),
             "blender": bpy.app.version_string,
-            "device": "CPU",
+            "device": self.renderer.device,
             "processor": processor_name(),
             "system": platform.platform(),
         }

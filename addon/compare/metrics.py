@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far an image is from a reference, and how well a sampler fits its map; numpy alone.
-
-nRMSE_tc and relMSE are defined as in docs/benchmarks.md; the efficiency is that of J. Arvo and D. Kirk,
-"Particle Transport and Image Synthesis" (SIGGRAPH 1990): the inverse of variance times time.
-"""
+"""How far an image is from a reference, and how well a sampler fits its map."""
 
 from __future__ import annotations
 
-import math
+import importlib
 from dataclasses import dataclass
 
 import numpy as np
 
-from .. import latlong
+from .. import latlong, native
 
-TRIMMED_SHARE = 0.001
-RELMSE_FLOOR = 0.01
 ROWS_PER_CHUNK = 64
 
 
@@ -39,46 +33,19 @@ class Reference:
 
 
 def error_figures(image: np.ndarray, reference: Reference) -> dict[str, float]:
-    """Error of an image (H,W,3), linear. With d = image - R per pixel and channel and m = mean(R):
-
-    rmse        sqrt(mean d^2), in units of radiance
-    relmse      mean of d^2 / (R^2 + 0.01 m^2)
-    nrmse_tc    sqrt(mean d^2) / m without the worst 0.1 % of pixels (t: trimmed, as single fireflies rule the
-                plain figure) and less the reference's own expected squared error, (half_a - half_b)^2 / 4
-                (c: corrected)
-    mean_difference   mean(d) / m: what is left of it as samples grow is bias
-
-    Raises ValueError if the shapes differ or the reference is black.
-    """
-    if image.shape != reference.half_a.shape:
-        raise ValueError(
-            f"The image is {image.shape}, its reference {reference.half_a.shape}: render both alike"
-        )
-    half_a, half_b = (half.astype(np.float64) for half in (reference.half_a, reference.half_b))
-    truth = (half_a + half_b) / 2
-    mean = float(truth.mean())
-    if not mean > 0:
-        raise ValueError("The reference is black: no relative error can be given; light the scene")
-    difference = image - truth
-    squared = difference**2
-    own = ((half_a - half_b) ** 2 / 4).mean(axis=2).ravel()
-    per_pixel = squared.mean(axis=2).ravel()
-    kept = per_pixel.size - math.ceil(TRIMMED_SHARE * per_pixel.size)
-    best = np.argpartition(per_pixel, kept)[:kept]
-    corrected = max(per_pixel[best].mean() - own[best].mean(), 0.0) if kept else 0.0
-    return {
-        "rmse": float(np.sqrt(squared.mean())),
-        "relmse": float((squared / (truth**2 + RELMSE_FLOOR * mean**2)).mean()),
-        "nrmse_tc": math.sqrt(corrected) / mean,
-        "mean_difference": float(difference.mean()) / mean,
-    }
+    """skytree_core.metrics.error_figures of an image (H,W,3), linear. Raises ValueError if the shapes differ
+    or the reference is black."""
+    return _metrics().error_figures(image, reference.half_a, reference.half_b)
 
 
 def efficiency(nrmse_tc: float, seconds: float) -> float | None:
-    """1 / (relative variance x seconds), per second; None where the error is below what the reference can
-    tell."""
-    cost = nrmse_tc**2 * seconds
-    return 1.0 / cost if cost > 0 else None
+    """1 / (relative variance x seconds), or None; see skytree_core.metrics.efficiency."""
+    return _metrics().efficiency(nrmse_tc, seconds)
+
+
+def _metrics():
+    native.core()  # finds the package in Blender versions that know no wheels
+    return importlib.import_module("skytree_core.metrics")
 
 
 def sampler_figures(sampler, image: np.ndarray, points: int = 2) -> dict[str, float] | None:

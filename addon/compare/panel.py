@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import bpy
 
+from ..problems.panel import wrapped
+from . import background
 from .region import capture_fraction
 
 
@@ -80,7 +82,18 @@ class _ReportPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(compared, "folder", text="Folder")
+        report = background.current()
+        if report is not None and not report.done:
+            row = layout.row(align=True)
+            row.label(text=f"{report.progress.text}: {100 * report.progress.fraction:.0f} %", icon="TIME")
+            row.operator("skytree.cancel_report", text="", icon="X")
+            return
         layout.operator("skytree.compare_report", icon="FILE_TICK")
+        if report is not None and report.page is not None:
+            layout.operator("skytree.open_report", icon="URL")
+        elif report is not None and report.problem:
+            for line in wrapped(report.problem):
+                layout.label(text=line, icon="ERROR" if line == wrapped(report.problem)[0] else "BLANK1")
 
 
 class _InView:

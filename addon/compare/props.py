@@ -89,7 +89,8 @@ class SkytreeCompareSettings(bpy.types.PropertyGroup):
         soft_max=60.0,
         max=86400.0,
         unit="TIME_ABSOLUTE",
-        description="Time of each side: CPU seconds in a report, seconds on the clock in a view",
+        description="Time of each side: in a report of the device (all threads together, or the GPU), "
+        "in a view on the clock",
         update=viewport_clock.redraw_all,
     )
     reference_samples: IntProperty(

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from .. import native
 from ..camera import Film, camera_matrices, film_of
-from ..environments import environments
+from ..environments import BuiltEnvironment, environments
 from ..sync.scene import SceneSync
 from ..viewport.renderer import RenderSettings
 from .methods import REFERENCE_SEEDS, Clock, Method
@@ -48,10 +48,29 @@ class Renderer:
         self.sync = SceneSync()
         self.sync.sync(depsgraph)
         self.sync.set_camera(*camera_matrices(scene.camera, None, depsgraph, self.film))
-        self.session = native.core().RenderSession(threads=self.settings.threads)
+        self.session = native.core().RenderSession(self.settings.threads, self.settings.device)
+        self.device = ""  # what rendered, once something was rendered
+        self._built = {}
 
-    def sampler(self, method: Method):
-        return environments.get(self.sync.environment, method.sampler, self.sync.messages).sampler
+    def prepare(self, methods: Iterable[Method]):
+        """Begins to build the samplers. Reading the map's pixels belongs to the main thread, all else may be
+        called on another one."""
+        for method in methods:
+            self._built[method.sampler] = environments.request(self.sync.environment, method.sampler)
+
+    def built(self, method: Method) -> BuiltEnvironment:
+        if method.sampler not in self._built:
+            self.prepare([method])
+        built = self._built[method.sampler].result()
+        self.sync.messages.extend(built.messages)
+        return built
+
+    def device_seconds(self) -> float:
+        """What the last render cost: processor time of all threads, or a GPU's time on the clock."""
+        stats = self.session.stats
+        if self.settings.device == "CPU":
+            return stats["cpu_seconds"]
+        return max(stats["seconds"] - stats["commit_seconds"], 0.0)
 
     def render(
         self, method: Method, first: int, count: int, seed: int, tell: Callable[[float], None]
@@ -65,7 +84,7 @@ class Renderer:
             count,
             region=self.film.region,
             first_sample=first,
-            sampler=self.sampler(method),
+            sampler=self.built(method).sampler,
             light_sampling=method.light_sampling,
             **{**self.settings.options(), "seed": seed},
         )
@@ -76,6 +95,9 @@ class Renderer:
             self.session.cancel()
         if self.session.error:
             raise RuntimeError(self.session.error)
+        if self.session.warning:
+            self.sync.messages.warn(self.session.warning)
+        self.device = self.session.stats["device"]
         return np.ascontiguousarray(self.session.pixels()[::-1, :, :3])
 
     def reference(self, method: Method, samples: int) -> Reference:
@@ -89,11 +111,11 @@ class Renderer:
         return Reference(*halves)
 
     def samples_in(self, method: Method, seconds: float) -> int:
-        """How many samples fit into `seconds` of CPU time, by a trial; at least 1."""
+        """How many samples fit into `seconds` of the device's time, by a trial; at least 1."""
         trial = TRIAL_SAMPLES
         while True:
-            self.render(method, 0, trial, self.settings.seed, lambda done: None)
-            spent = self.session.stats["cpu_seconds"]
+            self.render(method, 0, trial, self.settings.seed, lambda done: self.tell(Progress("trial", 0.0)))
+            spent = self.device_seconds()
             if spent >= 0.1 * seconds or trial >= 1 << 16:
                 return max(1, round(trial * seconds / max(spent, 1e-9)))
             trial *= 4
@@ -101,7 +123,7 @@ class Renderer:
     def side(self, name: str, method: Method, samples: int, reference: Reference) -> Side:
         """Renders `samples` samples and measures the error at 1, 2, 4, ... of them."""
         total, steps, done = None, [], 0
-        render_seconds = cpu_seconds = 0.0
+        render_seconds = device_seconds = 0.0
         for target in checkpoints(samples):
 
             def tell(part, target=target, done=done):
@@ -109,10 +131,10 @@ class Renderer:
 
             image = self.render(method, done, target - done, self.settings.seed, tell).astype(np.float64)
             render_seconds += self.session.render_seconds
-            cpu_seconds += self.session.stats["cpu_seconds"]
+            device_seconds += self.device_seconds()
             total = image if total is None else (total * done + image * (target - done)) / target
             done = target
-            steps.append(make_step(done, total, reference, render_seconds, cpu_seconds))
+            steps.append(make_step(done, total, reference, render_seconds, device_seconds))
         return Side(method.label, self.describe(method), total.astype(np.float32), steps)
 
     def describe(self, method: Method) -> dict:
@@ -120,13 +142,14 @@ class Renderer:
         told = dict(method.settings)
         if not method.light_sampling:
             return told
-        built = environments.get(self.sync.environment, method.sampler, self.sync.messages)
+        built = self.built(method)
         told["nbytes"] = int(built.sampler.nbytes)
         for name in ("alpha", "fit_error", "block_count"):
             value = getattr(built.sampler, name, None)
             if value is not None and math.isfinite(value):
                 told[name] = value
         if built.image is not None:
+            self.tell(Progress(f"fit of {method.label} to the map", 1.0))
             told |= sampler_figures(built.sampler, built.image) or {}
         return told
 

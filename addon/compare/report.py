@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,21 +19,24 @@ from .image_files import png_bytes, write_exr
 from .metrics import Reference, efficiency, error_figures
 
 ERROR_FIELDS = ("rmse", "relmse", "nrmse_tc", "mean_difference")
-TIME_FIELDS = ("render_seconds", "cpu_seconds", "efficiency")
+TIME_FIELDS = ("render_seconds", "device_seconds", "efficiency")
 
 
 @dataclass(frozen=True)
 class Step:
-    """A side after `samples` samples per pixel: its errors and what it cost so far."""
+    """A side after `samples` samples per pixel: its errors and what it cost so far.
+
+    `device_seconds` is what equal time means: processor time of all threads, or a GPU's time on the
+    clock."""
 
     samples: int
     errors: dict[str, float]
     render_seconds: float
-    cpu_seconds: float
+    device_seconds: float
 
     @property
     def efficiency(self) -> float | None:
-        return efficiency(self.errors["nrmse_tc"], self.cpu_seconds)
+        return efficiency(self.errors["nrmse_tc"], self.device_seconds)
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,16 @@ class Comparison:
     def sides(self) -> dict[str, Side]:
         return {"a": self.a, "b": self.b}
 
+    @property
+    def images(self) -> dict[str, np.ndarray]:
+        """A, B and the reference, (H,W,3) linear."""
+        return {"a": self.a.image, "b": self.b.image, "reference": self.reference.image}
+
 
 def make_step(
-    samples: int, image: np.ndarray, reference: Reference, render_seconds: float, cpu_seconds: float
+    samples: int, image: np.ndarray, reference: Reference, render_seconds: float, device_seconds: float
 ) -> Step:
-    return Step(samples, error_figures(image, reference), render_seconds, cpu_seconds)
+    return Step(samples, error_figures(image, reference), render_seconds, device_seconds)
 
 
 def difference_factor(comparison: Comparison, display_white: float) -> float:
@@ -86,23 +93,24 @@ def difference_factor(comparison: Comparison, display_white: float) -> float:
 def write_report(
     comparison: Comparison,
     folder: Path,
-    to_display: Callable[[np.ndarray], np.ndarray],
+    shown: dict[str, np.ndarray],
     display_name: str,
     exposure: float = 1.0,
 ) -> dict[str, Path]:
     """Writes all files into `folder` (made where it is missing) and returns their paths by name.
 
-    `to_display` turns a linear (H,W,3) image into what one looks at, (H,W,3) uint8 sRGB; `display_name`
-    says how. Differences are |image - reference| x `exposure` x a stated factor through the sRGB curve
-    alone. Raises OSError if the folder cannot be written.
+    `shown` has A, B and the reference as one looks at them, (H,W,3) uint8 sRGB, by the names "a", "b" and
+    "reference"; `display_name` says how they were made. Differences are |image - reference| x `exposure` x a
+    stated factor through the sRGB curve alone. Raises OSError if the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     truth = comparison.reference.image
     a, b = comparison.a.image, comparison.b.image
     factor = difference_factor(comparison, 1.0 / exposure)
     differences = {"difference_a": a - truth, "difference_b": b - truth, "difference_ab": a - b}
-    pictures = {name: to_display(image) for name, image in (("a", a), ("b", b), ("reference", truth))}
-    pictures |= {name: _difference_picture(image, exposure * factor) for name, image in differences.items()}
+    pictures = shown | {
+        name: _difference_picture(image, exposure * factor) for name, image in differences.items()
+    }
     encoded = {name: png_bytes(pixels) for name, pixels in pictures.items()}
 
     document = document_of(

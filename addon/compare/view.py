@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .. import native
-from ..environments import SamplerSettings, environments
+from ..environments import BuiltEnvironment, SamplerSettings, environments
 from ..viewport import gpu_draw
 from ..viewport.renderer import (
     FIRST_PICTURE_SECONDS,
@@ -69,7 +69,7 @@ class Side:
     taken_at: float = 0.0  # when the picture was taken
     measured_at: int = 0  # samples that the last measurement was asked for
     steps: list[Step] = field(default_factory=list)
-    figures: Future | None = None  # of the sampler, see compare.metrics.sampler_figures
+    workers: tuple[int, str] = (0, "CPU")  # threads and device of the session
     finished: bool = False
 
     def uploaded(self):
@@ -95,7 +95,8 @@ class Capture:
         self.subject = view.subject()
         self.samples = max(samples // 2, 1)
         self.halves: list[np.ndarray] = []
-        self.session = native.core().RenderSession(threads=view.request.settings.threads)
+        settings = view.request.settings
+        self.session = native.core().RenderSession(settings.threads, settings.device)
         self._view = view
         self._sampler = environments.request(view.scene_sync.environment, SamplerSettings())
         self._started = False
@@ -148,6 +149,7 @@ class CompareView:
         self._started = 0.0
         self._progress_shown = 0.0
         self._measuring: list[tuple[str, tuple, Future]] = []
+        self._awaited_figures: list[Future] = []
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="skytree-compare")
 
     # What to show
@@ -198,6 +200,10 @@ class CompareView:
         if self._stop in self._renderer.before_upload:
             self._renderer.before_upload.remove(self._stop)
         self._worker.shutdown(wait=False, cancel_futures=True)
+        for side in self.sides.values():
+            built = _built_of(side)
+            if built is not None and built.figures is not None and built.figures.cancelled():
+                built.figures = None  # so that another view asks again
         self.sides = {name: Side() for name in SIDES}
         self.captured = None
 
@@ -219,7 +225,7 @@ class CompareView:
 
     @property
     def busy(self) -> bool:
-        if self.capture is not None or self._measuring or self._renderer.busy:
+        if self.capture is not None or self._measuring or self._awaited_figures or self._renderer.busy:
             return True
         return not self.problem and (self._stale or self._divisor > 0)
 
@@ -262,6 +268,7 @@ class CompareView:
                 self._start(1)
             else:
                 self._divisor = 0
+                self._request_figures()
         return is_new
 
     def _advance_capture(self) -> bool:
@@ -342,17 +349,16 @@ class CompareView:
         self._made_for = self.subject(), self.request
         for side in self.sides.values():
             side.steps, side.measured_at, side.seconds = [], 0, 0.0
-            side.figures = self._figures(side)
             self._show_reference(side)
         self._start(self._first_divisor())
 
-    def _figures(self, side: Side) -> Future | None:
-        if side.method is None or not side.method.light_sampling:
-            return None
-        built = side.sampler.result()
-        if built.image is None:
-            return None
-        return self._worker.submit(sampler_figures, built.sampler, built.image)
+    def _request_figures(self):
+        """Once both pictures are complete: figures of a large map's sampler take seconds of a processor."""
+        for side in self._drawn_by_session():
+            built = _built_of(side)
+            if built is not None and built.figures is None:
+                built.figures = self._worker.submit(sampler_figures, built.sampler, built.image)
+                self._awaited_figures.append(built.figures)
 
     def _show_reference(self, side: Side):
         if side.method is not None:
@@ -386,7 +392,9 @@ class CompareView:
         count = request.clock.samples if request.clock.kind == "SAMPLES" else UNLIMITED_SAMPLES
         self._divisor, self._started = divisor, time.perf_counter()
         for side in self._drawn_by_session():
-            side.session = side.session or native.core().RenderSession(threads=self._threads())
+            workers = self._threads(), request.settings.device
+            if side.session is None or side.workers != workers:
+                side.session, side.workers = native.core().RenderSession(*workers), workers
             side.finished = False
             side.session.start(
                 sync.scene,
@@ -415,8 +423,10 @@ class CompareView:
         if reference is None or side.picture.samples == 0:
             return
         pixels = side.picture.pixels[..., :3]
+        # A GPU is one device, whatever its number of threads.
+        device_seconds = side.seconds * (self._threads() if side.workers[1] == "CPU" else 1)
         job = self._worker.submit(
-            make_step, side.picture.samples, pixels, reference, side.seconds, side.seconds * self._threads()
+            make_step, side.picture.samples, pixels, reference, side.seconds, device_seconds
         )
         self._measuring.append((name, self._made_for, job))
 
@@ -428,11 +438,24 @@ class CompareView:
                 side = self.sides[name]
                 side.steps = [step for step in side.steps if step.samples < job.result().samples]
                 side.steps.append(job.result())
-        return bool(done)
+        known = [future for future in self._awaited_figures if future.done()]
+        self._awaited_figures = [future for future in self._awaited_figures if not future.done()]
+        return bool(done or known)
+
+
+def _built_of(side: Side) -> BuiltEnvironment | None:
+    """The sampler whose figures tell about a side, once it is built."""
+    if side.method is None or not side.method.light_sampling or side.sampler is None:
+        return None
+    if not side.sampler.done() or side.sampler.exception() is not None:
+        return None
+    built = side.sampler.result()
+    return built if built.image is not None else None
 
 
 def sampler_figures_of(side: Side) -> dict | None:
     """Figures of a side's sampler, as far as they are known."""
-    if side.figures is None or not side.figures.done() or side.figures.cancelled():
+    built = _built_of(side)
+    if built is None or built.figures is None or not built.figures.done() or built.figures.cancelled():
         return None
-    return side.figures.result()
+    return built.figures.result()

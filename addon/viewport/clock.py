@@ -52,6 +52,15 @@ def redraw_all(self=None, context=None):
         region.tag_redraw()
 
 
+def redraw_sidebars():
+    """The sidebars of 3D views and the properties, whose panels show how far something is."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            for region in area.regions:
+                if (area.type, region.type) in {("VIEW_3D", "UI"), ("PROPERTIES", "WINDOW")}:
+                    region.tag_redraw()
+
+
 def _tick():
     redraw = set()
     for pointer, renderers in list(_watched.items()):

@@ -26,9 +26,9 @@ from .view import View
 alive: weakref.WeakSet[ViewportRenderer] = weakref.WeakSet()
 
 # The first picture after a change has as many pixels as can be rendered in this time...
-FIRST_PICTURE_SECONDS = 0.02
+FIRST_PICTURE_SECONDS = 0.015
 # ...and a redraw waits for it no longer than this, so that it shows the view it was asked for.
-LONGEST_WAIT_SECONDS = 0.03
+LONGEST_WAIT_SECONDS = 0.02
 COARSEST_DIVISOR = 8
 # Of one pixel sample, before anything has been measured.
 ASSUMED_SECONDS = 1e-6
@@ -123,7 +123,12 @@ class ViewportRenderer:
             else:
                 self.sync.update(depsgraph)
             self._tell_status()
-        self._restart_if_stale()
+            if self._waiting_for_sampler() and self._session is not None:
+                # Nobody looks at further samples of the old picture, and the new sampler needs the cores.
+                self._session.cancel()
+                self._stale = True
+        if not self._waiting_for_sampler():
+            self._restart_if_stale()
 
     def look(self, view: View | None, settings: RenderSettings):
         """The view to show, None for none. What is unchanged goes on refining."""
@@ -189,8 +194,12 @@ class ViewportRenderer:
     def advance(self) -> bool:
         """Takes new pixels and starts the next step; whether there is something new to draw."""
         with self._reporting():
-            if self._waiting_for_sampler() and not self.sync.follow_environment():
+            if self._waiting_for_sampler():
+                if self.sync.follow_environment():
+                    return False
                 self._tell_status()
+                self._restart_if_stale()
+                return True  # the redraw waits for the first picture
             self._restart_if_stale()
             return self._advance()
         return True

@@ -71,7 +71,7 @@ def error_section(renders: dict) -> str:
     ]
     return (
         "## Error at equal samples\n\n"
-        "The same scene; nRMSE_tc (docs/demo/metrics.py) against the engine's own reference of "
+        "The same scene; nRMSE_tc (skytree_core.metrics) against the engine's own reference of "
         f"{renders['reference_samples']} samples per pixel, mean and standard deviation over "
         f"{renders['seeds']} seeds. The two references' means differ by "
         f"{100 * (renders['errors']['mean_ratio'] - 1):+.2f} % (Skytree against Cycles).\n\n"

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How long Blender's own thread is held up, and how soon new pictures come, with a million triangles under
+a map of 4096 x 2048 texels; see driver.py. Prints times and judges none: other programs share the machine."""
+
+import time
+
+import numpy as np
+import scenes
+from mathutils import Quaternion
+
+
+class Calls:
+    """Times functions of the add-on that Blender's user interface calls: on the clock, and processor time."""
+
+    def __init__(self):
+        self.clock: dict[str, list[float]] = {}
+        self.processor: dict[str, list[float]] = {}
+        self._replaced = []
+
+    def time(self, holder, name: str, label: str):
+        original = getattr(holder, name)
+
+        def timed(*arguments, **options):
+            started, used = time.perf_counter(), time.thread_time()
+            try:
+                return original(*arguments, **options)
+            finally:
+                self.clock.setdefault(label, []).append(1000 * (time.perf_counter() - started))
+                self.processor.setdefault(label, []).append(1000 * (time.thread_time() - used))
+
+        setattr(holder, name, timed)
+        self._replaced.append((holder, name, original))
+
+    def forget(self):
+        self.clock.clear()
+        self.processor.clear()
+
+    def restore(self):
+        for holder, name, original in self._replaced:
+            setattr(holder, name, original)
+
+    def tell(self, w, prefix: str):
+        for label, times in self.clock.items():
+            used = self.processor[label]
+            w.figure(f"{prefix}{label}, {len(times)} calls, median ms on the clock", np.median(times))
+            w.figure(f"{prefix}{label}, longest ms on the clock", max(times))
+            w.figure(f"{prefix}{label}, longest ms of processor time", max(used))
+
+
+def set_up(w):
+    scene = scenes.new_scene()
+    scene.skytree.preview_samples, scene.skytree.max_bounces = 2, 2
+    ob, mapping = scenes.large_scene(scene)
+    view = w.space.region_3d
+    view.view_perspective = "PERSP"
+    view.view_location = (0.0, 0.0, 0.0)
+    view.view_rotation = Quaternion((0.88, 0.47, 0.0, 0.0)).normalized()
+    view.view_distance = 6.0
+    w.space.overlay.show_overlays = False
+    hooks = w.part("viewport.hooks").ViewportHooks
+    clock = w.part("viewport.clock")
+    calls = Calls()
+    # Not view_update and view_draw themselves: Blender counts the arguments of what it calls.
+    calls.time(w.part("viewport.renderer").ViewportRenderer, "update", "view_update")
+    calls.time(hooks, "_draw", "view_draw")
+    calls.time(clock, "_tick", "timer")
+    w.shade("RENDERED")
+    return scene, ob, mapping, calls
+
+
+def drawn_pictures(renderer):
+    """[(seconds on the clock, sampler's settings, picture)] of what was drawn from now on."""
+    drawn = []
+    original = renderer.draw
+
+    def draw(**options):
+        original(**options)
+        if renderer.picture is not None:
+            drawn.append((time.perf_counter(), renderer.sync.built.settings, renderer.picture))
+
+    renderer.draw = draw
+    return drawn
+
+
+def scenario_large_scene(w):
+    """Orbit, move, rotate the world, change sampler and block count: how long calls and pictures take."""
+    scene, ob, mapping, calls = set_up(w)
+    try:
+        yield from w.until(lambda: w.renderers() and w.renderers()[0].picture, what="a picture")
+        yield from w.until_still()
+        renderer = w.renderers()[0]
+        drawn = drawn_pictures(renderer)
+        calls.tell(w, "first sync: ")
+        calls.forget()
+        builds = w.part("environments").environments
+        meshes = renderer.sync.counts["meshes"]
+        yield from w.drag("MIDDLEMOUSE", (0.5, 0.5), (0.62, 0.56), steps=6)
+        for step in range(4):
+            ob.location.x = 0.1 * step
+            yield 0.15
+            mapping.inputs["Rotation"].default_value[2] = 0.1 * step
+            yield 0.15
+        yield from w.until_still()
+        calls.tell(w, "")
+        calls.forget()
+        assert renderer.sync.counts["meshes"] == meshes, "a mesh was sent again"
+
+        settings = scene.skytree
+        changes = [("block_count", n) for n in (300, 500, 2000, 1024)]
+        changes += [
+            ("sampler", s) for s in ("INVERSION", "ALIAS", "UNIFORM", "KDTREE", "INVERSION", "KDTREE")
+        ]
+        changes += [("split_criterion", "SSE"), ("split_criterion", "MIN_VARIANCE")]
+        for name, value in changes:
+            before, built = renderer.picture, builds.builds
+            drawn.clear()
+            setattr(settings, name, value)
+            asked = time.perf_counter()
+            wanted = w.part("environments").SamplerSettings.of(settings)
+            yield from w.until(
+                lambda wanted=wanted, before=before: any(
+                    s == wanted and p is not before for _, s, p in drawn
+                ),
+                what=f"a picture with {name} {value}",
+            )
+            shown = next(t for t, s, p in drawn if s == wanted and p is not before)
+            kind = "built" if builds.builds > built else "kept"
+            w.figure(f"{name} {value} ({kind}): new picture drawn after ms", 1000 * (shown - asked))
+            yield from w.until_still()
+        calls.tell(w, "changing samplers: ")
+        w.shot("large_scene")
+        assert renderer.problem == ""
+    finally:
+        calls.restore()
+
+
+def scenario_large_comparison(w):
+    """The same with two samplers side by side."""
+    scene, ob, mapping, calls = set_up(w)
+    compared = scene.skytree_compare
+    compared.a.method, compared.b.method, compared.samples = "KDTREE", "INVERSION", 2
+    compared.mode = "SPLIT"
+    region = w.part("compare.region")
+    try:
+        yield from w.until(lambda: region.view_in(w.region) is not None, what="a comparison")
+        view = region.view_in(w.region)
+        yield from w.until(lambda: not view.busy, what="both sides")
+        yield 0.3
+        calls.forget()
+        yield from w.drag("MIDDLEMOUSE", (0.4, 0.5), (0.52, 0.56), steps=6)
+        yield from w.drag("LEFTMOUSE", (0.5, 0.4), (0.3, 0.4), steps=6)
+        for name, value in (
+            ("block_count", 300),
+            ("block_count", 1024),
+            ("method", "ALIAS"),
+            ("method", "KDTREE"),
+        ):
+            asked = time.perf_counter()
+            before = view.sides["a"].picture
+            setattr(compared.a, name, value)
+            yield from w.until(lambda before=before: view.sides["a"].picture is not before, what="a picture")
+            w.figure(f"A's {name} {value}: new picture after ms", 1000 * (time.perf_counter() - asked))
+            yield from w.until(lambda: not view.busy, what="both sides")
+            yield 0.1
+        calls.tell(w, "comparison: ")
+        w.shot("large_comparison")
+    finally:
+        calls.restore()
