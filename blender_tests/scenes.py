@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import importlib
 import os
+import resource
 import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import bmesh
@@ -263,8 +265,30 @@ def demo_objects(scene):
     sphere(scene, (1.2, 0, 1), material=glossy)
 
 
+@contextmanager
+def short_of_memory(megabytes: int):
+    """Lets this process have no more than so much memory beside what it has."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    limit = pages * resource.getpagesize() + (megabytes << 20)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
 def large_scene(scene):
     """A million triangles under a map of 4096 x 2048 texels; the object and the world's Mapping node."""
+    ob = million_triangles(scene)
+    image = bpy.data.images.new("large", 4096, 2048, float_buffer=True, alpha=False)
+    pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
+    image.pixels.foreach_set(pixels.ravel())
+    _, mapping = set_map(scene, image)
+    return ob, mapping
+
+
+def million_triangles(scene):
     n = 708
     xy = np.linspace(-2.0, 2.0, n, dtype=np.float32)
     co = np.stack((*np.meshgrid(xy, xy), np.zeros((n, n), np.float32)), axis=-1).reshape(-1, 3)
@@ -281,9 +305,4 @@ def large_scene(scene):
     if bpy.app.version < (4, 1, 0):
         grid.polygons.foreach_set("loop_total", np.full(len(quads), 4, np.int32))
     grid.update(calc_edges=True)
-    ob = _link(scene, grid, (0.0, 0.0, 0.0), material("ShaderNodeBsdfDiffuse", "Grey"))
-    image = bpy.data.images.new("large", 4096, 2048, float_buffer=True, alpha=False)
-    pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
-    image.pixels.foreach_set(pixels.ravel())
-    _, mapping = set_map(scene, image)
-    return ob, mapping
+    return _link(scene, grid, (0.0, 0.0, 0.0), material("ShaderNodeBsdfDiffuse", "Grey"))

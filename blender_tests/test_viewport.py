@@ -276,30 +276,29 @@ def test_moving_view_always_gets_pictures(skytree, viewport):
     assert renderer.picture.view == view_through_camera(skytree, 800, 600)
 
 
-def test_failed_session_is_a_message(skytree, viewport):
+def test_render_thread_without_memory_is_a_message(skytree, viewport):
     """A render thread that fails leaves a message and the last picture; the next change starts again."""
-    _, renderer = viewport
+    scene, renderer = viewport
+    start, picture = renderer._start, renderer.picture
 
-    class Broken:
-        running, error, samples_done, stats = False, "out of luck", 0, {}
+    def starved(divisor):
+        with scenes.short_of_memory(48):  # the tree of a million triangles takes more
+            start(divisor)
+            assert renderer.session.wait(60.0)
 
-        def cancel(self):
-            pass
-
-        def start(self, *arguments, **options):
-            pass
-
-    session, renderer._session = renderer._session, Broken()
-    picture = renderer.picture
-    look(skytree, renderer, view_through_camera(skytree, 50, 40))
-    for _ in range(3):
+    with Updates(renderer) as updates:
+        grid = scenes.million_triangles(scene)
+        renderer._start = starved
+        updates.now()
         renderer.advance()
-    assert "out of luck" in renderer.problem and "out of luck" in renderer.status_line()
-    assert renderer.picture is picture and not renderer.busy
-    renderer._session = session
-    look(skytree, renderer)
+        assert "memory" in renderer.problem, renderer.problem
+        assert renderer.problem in renderer.status_line()
+        assert renderer.picture is picture and not renderer.busy
+        renderer._start = start
+        bpy.data.objects.remove(grid)
+        updates.now()
     finish(renderer)
-    assert renderer.problem == ""
+    np.testing.assert_array_equal(renderer.pixels(), picture.pixels)
 
 
 def test_native_error_is_a_message(skytree, viewport):

@@ -15,7 +15,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..viewport import clock as viewport_clock
-from .job import ReportJob
+from .job import PICTURES, ReportJob
 from .render import CompareCancelled, Progress
 
 TICK_SECONDS = 0.1
@@ -33,7 +33,7 @@ class BackgroundReport:
         self._scene_name = job.scene.name
         self._cancelled = False
         self._error: Exception | None = None
-        self._shown: tuple | None = None
+        self._shown: dict = {}
         job.read(self._tell)
         job.scene = None  # undo or another file may free it
         self._work(job.render)
@@ -54,11 +54,14 @@ class BackgroundReport:
             self.problem, self.done = "The comparison was cancelled", True
         elif self._error is not None:
             self.problem, self.done = f"The comparison failed: {self._error}", True
-        elif self._shown is None:
+        elif len(self._shown) < len(PICTURES):
+            # One at a time: Blender stands still for it.
             scene = bpy.data.scenes.get(self._scene_name) or bpy.context.scene
-            self._shown = self._job.show(scene)
+            key = PICTURES[len(self._shown)]
+            self._shown[key] = self._job.show(key, scene)
             self.progress = Progress("writing the report", 1.0)
-            self._work(self._write)
+            if len(self._shown) == len(PICTURES):
+                self._work(self._write)
         else:
             self.done = True
 
@@ -66,7 +69,7 @@ class BackgroundReport:
         return self._job.summary() if self.page is not None else []
 
     def _write(self):
-        self.page = self._job.write(self._folder, *self._shown)["html"]
+        self.page = self._job.write(self._folder, self._shown)["html"]
 
     def _work(self, function):
         self._thread = threading.Thread(

@@ -22,6 +22,7 @@ from .render import Progress, Renderer, compare, timestamp
 from .report import Comparison, write_report
 
 CHOICES = tuple(item[0] for item in METHODS)
+PICTURES = ("a", "b", "reference")
 BEST = Method(SamplerSettings())  # renders the reference
 
 
@@ -80,7 +81,8 @@ class ReportJob:
         self.read(tell)
         self.render()
         tell(Progress("writing the report", 1.0))
-        return self.write(folder, *self.show())
+        shown = {key: self.show(key, self.scene) for key in PICTURES}
+        return self.write(folder, shown)
 
     def read(self, tell: Callable[[Progress], None]):
         """For the main thread: takes all that it needs from Blender."""
@@ -103,14 +105,16 @@ class ReportJob:
             self.renderer.sync.messages.texts(),
         )
 
-    def show(self, scene=None) -> tuple[dict[str, np.ndarray], str]:
-        """For the main thread: the pictures through the scene's view transform, and how that is called."""
-        to_display, name = display.view_of(scene or self.scene)
-        return {key: to_display(image) for key, image in self.comparison.images.items()}, name
+    def show(self, key: str, scene) -> tuple[np.ndarray, str]:
+        """For the main thread: A, B or the reference ("a", "b", "reference") through the scene's view
+        transform, and how that is called."""
+        to_display, name = display.view_of(scene)
+        return to_display(self.comparison.images[key]), name
 
-    def write(self, folder: Path, shown: dict[str, np.ndarray], display_name: str) -> dict[str, Path]:
-        """For any thread: the files by name."""
-        return write_report(self.comparison, folder, shown, display_name, self._exposure)
+    def write(self, folder: Path, shown: dict[str, tuple[np.ndarray, str]]) -> dict[str, Path]:
+        """For any thread: the files by name. `shown` is what `show` returned for each of PICTURES."""
+        pictures = {key: picture for key, (picture, _) in shown.items()}
+        return write_report(self.comparison, folder, pictures, shown["reference"][1], self._exposure)
 
     def summary(self) -> list[str]:
         lines = []

@@ -45,8 +45,9 @@ class ObjectSync:
         self._instances: dict[tuple, _Instance] = {}
         self.seen_materials: dict[int, object] = {}
 
-    def sync(self, depsgraph, changed_geometry: set[int] | None):
-        """`changed_geometry`: identities of objects and their data to be read again; None: all."""
+    def sync(self, depsgraph, changed_geometry: set[int] | None, space=None):
+        """`changed_geometry`: identities of objects and their data to be read again; None: all. With the
+        `space` of a 3D view its local view, local collections and hidden types count too; it is not kept."""
         if changed_geometry is None:
             self._clear()
             changed_geometry = set()
@@ -59,7 +60,7 @@ class ObjectSync:
             if ob.type not in GEOMETRY_TYPES:
                 self._explain_skipped(ob)
                 continue
-            if not item.show_self:
+            if not item.show_self or not (space is None or ob.visible_in_viewport_get(space)):
                 continue
             data_key = _data_key(item, ob)
             shape_key = (identity_of(ob), data_key)

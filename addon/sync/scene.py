@@ -46,25 +46,31 @@ class SceneSync:
         self.materials = MaterialSync(self._uploads, self.images, self.messages, self.counts)
         self.objects = ObjectSync(self._uploads, self.materials, self.messages, self.counts)
 
-    def sync(self, depsgraph):
+    def sync(self, depsgraph, space=None):
+        """`space`: of the 3D view that shows it, see ObjectSync.sync."""
         self.messages.clear()
         self.materials.invalidate()
-        self.objects.sync(depsgraph, None)
+        self.objects.sync(depsgraph, None, space)
         self.sync_environment(depsgraph)
         self._collect_native_warnings()
 
-    def update(self, depsgraph) -> bool:
+    def update(self, depsgraph, space=None) -> bool:
         """Applies depsgraph.updates; whether anything in the picture may have changed."""
         changes = _Changes(depsgraph, self.images)
         if changes.materials is None or changes.materials:
             self.materials.invalidate(changes.materials)
         if changes.objects or changes.materials is None or changes.materials:
-            self.objects.sync(depsgraph, changes.geometry)
+            self.objects.sync(depsgraph, changes.geometry, space)
             self.materials.refresh(self.objects.seen_materials)
         if changes.environment:
             self.sync_environment(depsgraph)
         self._collect_native_warnings()
         return changes.any
+
+    def show_and_hide(self, depsgraph, space):
+        """Brings the objects in line with what a 3D view shows, when that alone has changed."""
+        self.objects.sync(depsgraph, set(), space)
+        self._collect_native_warnings()
 
     def sync_environment(self, depsgraph):
         """World and sampler settings; a sampler that exists for the same map and settings is used again."""

@@ -82,7 +82,8 @@ def _draw_in(context, scene):
     if renderer is None:
         _close_vanished()
         renderer = _renderers[region.as_pointer()] = ViewportRenderer()
-        renderer.update(context.evaluated_depsgraph_get())
+        renderer.update(context.evaluated_depsgraph_get(), context.space_data)
+    renderer.show_and_hide(context.evaluated_depsgraph_get(), context.space_data)
     free = free_rectangle(context.area, region)
     x, y, width, height = placed(free, scene.skytree.floating_corner, scene.skytree.floating_size / 100.0)
     view = view_of(region, context.region_data, context.space_data, scene)
@@ -121,10 +122,10 @@ def _close_vanished():
 def _on_update(scene, depsgraph=None):
     if not _renderers or depsgraph is None:
         return
-    for region, _ in viewport_clock.regions():
+    for region, area in viewport_clock.regions():
         renderer = _renderers.get(region.as_pointer())
         if renderer is not None:
-            renderer.update(depsgraph)
+            renderer.update(depsgraph, area.spaces.active)
             viewport_clock.watch(renderer, region)
 
 

@@ -26,13 +26,15 @@ class ViewportHooks:
         try:
             if self._renderer is None:
                 self._renderer = ViewportRenderer()
-            self._renderer.update(depsgraph)
+            self._renderer.update(depsgraph, context.space_data)
             viewport_clock.watch(self._renderer, context.region)
         except Exception:  # Blender disables an engine that raises while it draws
             traceback.print_exc()
 
     def view_draw(self, context, depsgraph):
         try:
+            if self._renderer is not None:
+                self._renderer.show_and_hide(depsgraph, context.space_data)
             self._draw(context, depsgraph.scene_eval)
         except Exception:
             traceback.print_exc()

@@ -20,7 +20,7 @@ from .. import native, status
 from ..devices import render_device
 from ..sync.scene import SceneSync
 from . import gpu_draw
-from .view import View
+from .view import View, visibility_of
 
 # Renderers that have not been closed.
 alive: weakref.WeakSet[ViewportRenderer] = weakref.WeakSet()
@@ -102,6 +102,7 @@ class ViewportRenderer:
         self._view: View | None = None
         self._settings = RenderSettings()
         self._next: tuple[View, RenderSettings] | None = None
+        self._visibility: tuple = ()
         self._stale = False  # the session does not render what it should
         self._divisor = 0  # of the step that is being rendered; 0: none
         self._taken = 0  # samples of the step that `picture` holds
@@ -112,16 +113,18 @@ class ViewportRenderer:
 
     # What the scene is
 
-    def update(self, depsgraph):
-        """The first call reads all of the depsgraph, later ones what depsgraph.updates name."""
+    def update(self, depsgraph, space=None):
+        """The first call reads all of the depsgraph, later ones what depsgraph.updates name. `space` is that
+        of the 3D view, whose local view counts; it is not kept."""
         with self._reporting():
             if self.sync is None:
                 sync = SceneSync(self._before_upload, wait_for_samplers=False)
-                sync.sync(depsgraph)
+                sync.sync(depsgraph, space)
                 self.sync = sync
+                self._visibility = visibility_of(space)
                 self._stale = True
             else:
-                self.sync.update(depsgraph)
+                self.sync.update(depsgraph, space)
             self._tell_status()
             if self._waiting_for_sampler() and self._session is not None:
                 # Nobody looks at further samples of the old picture, and the new sampler needs the cores.
@@ -129,6 +132,16 @@ class ViewportRenderer:
                 self._stale = True
         if not self._waiting_for_sampler():
             self._restart_if_stale()
+
+    def show_and_hide(self, depsgraph, space):
+        """Follows a local view that is entered or left, of which depsgraph.updates say nothing."""
+        visibility = visibility_of(space)
+        if self.sync is None or visibility == self._visibility:
+            return
+        self._visibility = visibility
+        with self._reporting():
+            self.sync.show_and_hide(depsgraph, space)
+        self._restart_if_stale()
 
     def look(self, view: View | None, settings: RenderSettings):
         """The view to show, None for none. What is unchanged goes on refining."""

@@ -54,6 +54,16 @@ def view_of(region, region_data, space, scene) -> View | None:
     return View(_flat(to_world), _flat(projection), region.width, region.height, border)
 
 
+def visibility_of(space) -> tuple:
+    """What a 3D view itself hides, to be compared: local view, local collections, types of objects."""
+    if space is None:
+        return ()
+    types = (space.show_object_viewport_mesh, space.show_object_viewport_curve,
+             space.show_object_viewport_surf, space.show_object_viewport_meta,
+             space.show_object_viewport_font)  # fmt: skip
+    return space.local_view is not None, space.use_local_collections, types
+
+
 def _flat(matrix) -> tuple[float, ...]:
     return tuple(value for row in matrix for value in row)
 

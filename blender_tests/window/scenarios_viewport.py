@@ -271,6 +271,35 @@ def scenario_render_and_undo(w):
     assert all(r.problem == "" for r in w.renderers())
 
 
+def scenario_local_view(w):
+    """Local view shows the selected object alone; what the view itself hides is not there; both come back."""
+    renderer = yield from rendered(w, preview_samples=2)
+    whole = w.view_of(w.shot("local_view_before"), 0.2)
+    triangles = renderer.sync.scene.stats["instances"]
+    assert triangles == 3
+    meshes = renderer.sync.counts["meshes"]
+    for ob in bpy.data.objects:
+        ob.select_set(ob.name == "Sphere")
+    with w.override():
+        bpy.ops.view3d.localview(frame_selected=False)
+    yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 1, what="local view")
+    yield from w.until_still()
+    alone = w.view_of(w.shot("local_view"), 0.2)
+    assert difference(alone, whole) > 0.1
+    with w.override():
+        bpy.ops.view3d.localview(frame_selected=False)
+    yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 3, what="the end of local view")
+    yield from w.until_still()
+    assert difference(w.view_of(w.shot("local_view_after"), 0.2), whole) < 0.02
+    w.space.show_object_viewport_mesh = False
+    yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 0, what="hidden meshes")
+    w.space.show_object_viewport_mesh = True
+    yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 3, what="shown meshes")
+    yield from w.until_still()
+    w.figure("meshes uploaded again by local view", renderer.sync.counts["meshes"] - meshes)
+    assert renderer.problem == ""
+
+
 def scenario_resize(w):
     """A region that changes its size keeps showing a picture, at last one of its own size."""
     renderer = yield from rendered(w, preview_samples=2)
@@ -290,27 +319,25 @@ def scenario_resize(w):
 
 
 def scenario_failure_is_a_message(w):
-    """A render thread that fails says so in the view; a new world brings the picture back."""
+    """A render thread without memory says so in the view; the next change brings the picture back."""
     renderer = yield from rendered(w, preview_samples=2)
-    session = renderer._session
+    start = renderer._start
 
-    class Failing:
-        running, samples_done, stats, error = False, 0, {}, "the render thread was stopped from outside"
+    def starved(divisor):
+        with scenes.short_of_memory(48):  # the tree of a million triangles takes more
+            start(divisor)
+            renderer.session.wait(60.0)
 
-        def cancel(self):
-            pass
-
-        start = wait = lambda self, *arguments, **options: True
-
-    renderer._session = Failing()
-    w.scene.skytree.seed = 1
+    renderer._start = starved
+    grid = scenes.million_triangles(w.scene)
     yield from w.until(lambda: renderer.problem, what="a message")
+    renderer._start = start
     yield 0.5
     w.shot("failure")
-    renderer._session = session
-    w.scene.skytree.seed = 2
+    assert "memory" in renderer.problem
+    bpy.data.objects.remove(grid)
     yield from w.until_still()
-    assert renderer.problem == ""
+    assert renderer.problem == "" and renderer.samples_done == 2
 
 
 def scenario_floating_preview(w):

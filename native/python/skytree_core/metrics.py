@@ -34,7 +34,9 @@ def error_figures(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> 
     if half_a.shape != half_b.shape:
         raise ValueError(f"The reference's halves differ in shape: {half_a.shape}, {half_b.shape}")
     if image.shape != half_a.shape:
-        raise ValueError(f"The image is {image.shape}, its reference {half_a.shape}: render both alike")
+        raise ValueError(
+            f"The image has shape {image.shape}, its reference {half_a.shape}: render both alike"
+        )
     half_a, half_b = (half.astype(np.float64) for half in (half_a, half_b))
     reference = (half_a + half_b) / 2
     mean = float(reference.mean())
