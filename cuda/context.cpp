@@ -223,13 +223,6 @@ void Event::synchronize() const {
   check(driver().event_synchronize(handle_), "Waiting for the GPU (cuEventSynchronize)");
 }
 
-void copy_on_device(const Context& context, const Buffer& to, const Buffer& from,
-                    const Stream& stream) {
-  const ContextScope scope(context);
-  check(driver().copy_on_device_async(to.pointer(), from.pointer(), from.bytes(), stream.handle()),
-        "Copying on the GPU (cuMemcpyDtoDAsync)");
-}
-
 void copy_to_host(const Context& context, const PinnedBuffer& to, const Buffer& from,
                   const Stream& stream) {
   const ContextScope scope(context);

@@ -178,9 +178,7 @@ class Event {
   EventHandle handle_ = nullptr;
 };
 
-/// Queued copies of whole buffers, and zeros for a whole buffer; sizes are multiples of 4.
-void copy_on_device(const Context& context, const Buffer& to, const Buffer& from,
-                    const Stream& stream);
+/// A queued copy of a whole buffer, and zeros for a whole buffer; sizes are multiples of 4.
 void copy_to_host(const Context& context, const PinnedBuffer& to, const Buffer& from,
                   const Stream& stream);
 void clear(const Context& context, const Buffer& buffer, const Stream& stream);

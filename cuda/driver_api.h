@@ -82,8 +82,6 @@ constexpr unsigned kContextBlockingSync = 4;  // a waiting thread sleeps: the co
   X(copy_to_host, "cuMemcpyDtoH_v2", (void* to, DevicePointer from, size_t bytes))                 \
   X(copy_to_host_async, "cuMemcpyDtoHAsync_v2",                                                    \
     (void* to, DevicePointer from, size_t bytes, StreamHandle stream))                             \
-  X(copy_on_device_async, "cuMemcpyDtoDAsync_v2",                                                  \
-    (DevicePointer to, DevicePointer from, size_t bytes, StreamHandle stream))                     \
   X(memset_async, "cuMemsetD32Async",                                                              \
     (DevicePointer to, unsigned value, size_t count, StreamHandle stream))                         \
   X(stream_create, "cuStreamCreate", (StreamHandle * stream, unsigned flags))                      \

@@ -30,6 +30,13 @@ struct PdfParameters {
   uint32_t count;
 };
 
+/// draw_directions: sums[i] = draw_samples(sampler, i, samples), for timing.
+struct DrawParameters {
+  EnvSamplerView sampler;
+  float* sums;
+  uint32_t count, samples;
+};
+
 /// trace_rays: out[i] = the hit of rays[i].
 struct TraceParameters {
   TracerView tracer;
@@ -50,6 +57,16 @@ struct PassParameters {
   uint32_t first_sample, sample_count;
   FilmPixel* film;  // height x width, bottom row first
   PassCounters* counters;
+};
+
+/// resolve_film: means of the film, and the counters beside them, for the copy to the host.
+struct ResolveParameters {
+  const FilmPixel* film;
+  const PassCounters* counters;
+  Rgba* means;
+  PassCounters* counters_out;
+  uint32_t count;  // pixels
+  double scale;    // 1 / samples
 };
 
 }  // namespace skytree::cuda

@@ -7,6 +7,7 @@
 // them all over: shared memory would hold them no closer, and would cost a copy per block and the
 // occupancy.
 #include "cuda/kernel_parameters.h"
+#include "kernel/draw_samples.h"
 
 namespace skytree::cuda {
 namespace {
@@ -26,6 +27,12 @@ __global__ void __launch_bounds__(kThreads)
 __global__ void __launch_bounds__(kThreads) evaluate_pdf(const __grid_constant__ PdfParameters p) {
   const uint32_t i = thread_index();
   if (i < p.count) p.out[i] = environment_pdf(p.sampler, p.directions[i]);
+}
+
+__global__ void __launch_bounds__(kThreads)
+    draw_directions(const __grid_constant__ DrawParameters p) {
+  const uint32_t i = thread_index();
+  if (i < p.count) p.sums[i] = draw_samples(p.sampler, i, p.samples);
 }
 
 __global__ void __launch_bounds__(kThreads) trace_rays(const __grid_constant__ TraceParameters p) {
@@ -62,6 +69,13 @@ __global__ void __launch_bounds__(kThreads, kRenderBlocks)
     vertex = 0;
   }
   atomicAdd(&p.counters->rays, static_cast<unsigned long long>(rays));
+}
+
+__global__ void __launch_bounds__(kThreads)
+    resolve_film(const __grid_constant__ ResolveParameters p) {
+  const uint32_t i = thread_index();
+  if (i == 0) *p.counters_out = *p.counters;
+  if (i < p.count) p.means[i] = film_mean(p.film[i].radiance, p.film[i].alpha, p.scale);
 }
 
 }  // extern "C"

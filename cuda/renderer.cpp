@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
+#include <vector>
 
 #include "cuda/device_scene.h"
 #include "cuda/kernel_parameters.h"
@@ -37,44 +39,73 @@ class GpuState {
               const DeviceRenderer::Deliver& deliver);
 
  private:
-  void reserve_film(size_t bytes);
-  void start_copy();
+  void reserve_film(size_t pixels);
+  void start_copy(size_t pixels, int samples);
+  std::shared_ptr<PinnedBuffer> free_image(size_t bytes);
 
   ContextPointer context_;
   DeviceScene scene_;
-  // Counters, then pixels: one copy brings both.
+  // Counters, then sums of each pixel; counters, then means: one copy brings both to the host.
   Buffer film_, snapshot_;
-  std::unique_ptr<PinnedBuffer> host_film_;
+  // Page-locked images, those that somebody still looks at among them.
+  std::vector<std::shared_ptr<PinnedBuffer>> images_;
+  std::shared_ptr<PinnedBuffer> arriving_;
   Stream compute_, copy_;  // after the buffers, so that they are drained before the buffers go
   Event rendered_, snapshot_taken_, copied_;
 };
 
-void GpuState::reserve_film(size_t bytes) {
+constexpr size_t kHeader = 64;  // of film and snapshot: the counters, padded
+static_assert(sizeof(PassCounters) <= kHeader);
+
+void GpuState::reserve_film(size_t pixels) {
+  const size_t bytes = kHeader + sizeof(FilmPixel) * pixels;
   if (film_.bytes() == bytes) return;
   film_ = Buffer();
   snapshot_ = Buffer();
-  host_film_.reset();
+  images_.clear();
   film_ = Buffer(context_, bytes);
-  snapshot_ = Buffer(context_, bytes);
-  host_film_ = std::make_unique<PinnedBuffer>(context_, bytes);
+  snapshot_ = Buffer(context_, kHeader + sizeof(Rgba) * pixels);
 }
 
-/// Brings the film as it is after the passes queued so far to the host, while later passes render.
-void GpuState::start_copy() {
+/// Page-locked memory that nobody looks at. Allocating it takes milliseconds, so a few are kept.
+std::shared_ptr<PinnedBuffer> GpuState::free_image(size_t bytes) {
+  constexpr size_t kKept = 4;  // shown, held by the session, arriving, and one to spare
+  std::shared_ptr<PinnedBuffer> found;
+  for (size_t i = images_.size(); i-- > 0;) {
+    if (images_[i].use_count() > 1) continue;
+    if (!found) {
+      found = images_[i];
+    } else if (images_.size() > kKept) {
+      images_.erase(images_.begin() + std::ptrdiff_t(i));
+    }
+  }
+  if (!found) images_.push_back(found = std::make_shared<PinnedBuffer>(context_, bytes));
+  return found;
+}
+
+/// Brings the means after the passes queued so far to the host, while later passes render.
+void GpuState::start_copy(size_t pixels, int samples) {
+  arriving_ = free_image(snapshot_.bytes());
   copied_.make_wait(compute_);  // the copy before must have left the snapshot
-  copy_on_device(*context_, snapshot_, film_, compute_);
+  const ResolveParameters resolve = {reinterpret_cast<const FilmPixel*>(film_.as<char>() + kHeader),
+                                     film_.as<PassCounters>(),
+                                     reinterpret_cast<Rgba*>(snapshot_.writable<char>() + kHeader),
+                                     snapshot_.writable<PassCounters>(),
+                                     uint32_t(pixels),
+                                     1.0 / samples};
+  launch(*context_, compute_, "resolve_film", unsigned((pixels + kThreads - 1) / kThreads),
+         kThreads, resolve);
   snapshot_taken_.record(compute_);
   snapshot_taken_.make_wait(copy_);
-  copy_to_host(*context_, *host_film_, snapshot_, copy_);
+  copy_to_host(*context_, *arriving_, snapshot_, copy_);
   copied_.record(copy_);
 }
 
 void GpuState::render(const DeviceJob& job, const std::atomic<bool>& cancel,
                       const DeviceRenderer::Deliver& deliver) {
   if (!scene_.update(job.scene, job.sampler, job.settings.filter_table, cancel)) return;
-  constexpr size_t kHeader = 64;  // of the film: the counters, padded
-  static_assert(sizeof(PassCounters) <= kHeader);
-  reserve_film(kHeader + sizeof(FilmPixel) * size_t(job.width) * job.height);
+  const size_t pixels = size_t(job.width) * job.height;
+  reserve_film(pixels);
   clear(*context_, film_, compute_);
 
   PassParameters pass = {};
@@ -97,9 +128,10 @@ void GpuState::render(const DeviceJob& job, const std::atomic<bool>& cancel,
   auto collect = [&] {
     if (in_flight == 0) return;
     copied_.synchronize();
-    const PassCounters total = *host_film_->as<PassCounters>();
-    deliver(reinterpret_cast<const FilmPixel*>(host_film_->as<char>() + kHeader), in_flight,
-            {total.rays - delivered.rays, total.rejected - delivered.rejected});
+    const PassCounters total = *arriving_->as<PassCounters>();
+    const auto* means = reinterpret_cast<const float*>(arriving_->as<char>() + kHeader);
+    const std::shared_ptr<const float> image(std::exchange(arriving_, nullptr), means);
+    deliver(image, in_flight, {total.rays - delivered.rays, total.rejected - delivered.rejected});
     delivered = total;
     in_flight = 0;
   };
@@ -120,7 +152,7 @@ void GpuState::render(const DeviceJob& job, const std::atomic<bool>& cancel,
     rendered_.synchronize();
     seconds_per_sample = (now() - started) / count;
     queued += count;
-    start_copy();
+    start_copy(pixels, queued);
     in_flight = queued;
   }
   collect();

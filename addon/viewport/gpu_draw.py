@@ -17,7 +17,6 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 FONT = 0
-LARGEST_HALF = 65504.0  # beyond it a half is infinite, and infinity times an alpha of zero is NaN
 
 _VERTEX = """
 void main()
@@ -31,7 +30,8 @@ void main()
 _FRAGMENT = """
 vec4 texel(ivec2 p)
 {
-  return texelFetch(image, clamp(p, ivec2(0), textureSize(image, 0) - 1), 0);
+  // Beyond the largest half a texel is infinite, and infinity times an alpha of zero would be NaN.
+  return min(texelFetch(image, clamp(p, ivec2(0), textureSize(image, 0) - 1), 0), vec4(65504.0));
 }
 
 vec4 bilinear(vec2 p)
@@ -126,7 +126,7 @@ def upload(pixels: np.ndarray) -> gpu.types.GPUTexture:
     height, width, channels = pixels.shape
     if channels != 4 or pixels.dtype != np.float32:
         raise ValueError(f"An image to draw is (height, width, 4) float32, not {pixels.shape} {pixels.dtype}")
-    flat = np.minimum(pixels, LARGEST_HALF).reshape(-1)
+    flat = pixels.reshape(-1)
     # A Buffer made from an array is a copy of it in some versions and a view in others.
     return gpu.types.GPUTexture(
         (width, height), format="RGBA16F", data=gpu.types.Buffer("FLOAT", (flat.size,), flat)

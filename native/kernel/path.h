@@ -89,4 +89,15 @@ SKY_HD bool add_to_film(const PathResult& result, FilmPixel* pixel) {
   return true;
 }
 
+/// Four floats of an image.
+struct alignas(16) Rgba {
+  float r, g, b, a;
+};
+
+/// A pixel's mean, `scale` being 1 over the number of its samples.
+SKY_HD Rgba film_mean(const double* radiance, double alpha, double scale) {
+  return {static_cast<float>(radiance[0] * scale), static_cast<float>(radiance[1] * scale),
+          static_cast<float>(radiance[2] * scale), static_cast<float>(alpha * scale)};
+}
+
 }  // namespace skytree

@@ -11,6 +11,7 @@
 #include "cuda/driver.h"
 #include "cuda/kernel_image.h"
 #include "cuda/renderer.h"
+#include "cuda/sampler_timing.h"
 #include "src/environment_sampler.h"
 
 namespace py = pybind11;
@@ -89,6 +90,22 @@ void bind_devices(py::module_& m) {
       "A sampler as kernels see it, for docs/bench/cuda_samplers.py: the view's bytes, and for "
       "each array behind it the "
       "offset of its pointer and its bytes.");
+  m.def(
+      "_time_sampler",
+      [](const EnvironmentSampler& sampler, int gpu, uint32_t threads, uint32_t samples,
+         int launches) {
+        cuda::SamplerTiming timing;
+        {
+          py::gil_scoped_release release;
+          timing = cuda::time_sampler(gpu, sampler.view(), threads, samples, launches);
+        }
+        return py::make_tuple(timing.seconds, py::array_t<float>(py::ssize_t(timing.sums.size()),
+                                                                 timing.sums.data()));
+      },
+      py::arg("sampler"), py::arg("gpu"), py::arg("threads"), py::arg("samples"),
+      py::arg("launches"),
+      "Seconds of each launch of `threads` threads that draw `samples` directions each, and their "
+      "sums, for docs/bench/cuda_samplers.py.");
   m.def("cuda_problem", &cuda_problem, "Why no GPU can be used, or None if one can.");
 }
 

@@ -294,9 +294,28 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
   session.start(std::move(scene), options);
 }
 
+/// A view of a device's image, which lives as long as the array does. Read-only: the session shows
+/// the same memory to others.
+py::array_t<float> image_view(std::shared_ptr<const float> image, py::ssize_t width,
+                              py::ssize_t height) {
+  auto owner = std::make_unique<std::shared_ptr<const float>>(std::move(image));
+  const float* data = owner->get();
+  const py::capsule capsule(
+      owner.get(), [](void* held) { delete static_cast<std::shared_ptr<const float>*>(held); });
+  owner.release();
+  py::array_t<float> view({height, width, py::ssize_t(4)}, data, capsule);
+  view.attr("setflags")("write"_a = false);
+  return view;
+}
+
 py::array_t<float> pixels(const RenderSession& session,
                           std::optional<py::array_t<float, py::array::c_style>> out) {
   const py::ssize_t width = session.region_width(), height = session.region_height();
+  if (!out) {
+    if (std::shared_ptr<const float> image = session.device_image()) {
+      return image_view(std::move(image), width, height);
+    }
+  }
   if (!out) out = py::array_t<float>({height, width, py::ssize_t(4)});
   if (out->size() != height * width * 4 || !out->writeable()) {
     throw std::invalid_argument("out must be a writable float32 array of shape (" +
@@ -484,7 +503,8 @@ that two sessions compare samplers on one scene.)")
            "Stops and returns when all threads stand still; what was rendered stays.")
       .def("pixels", &pixels, "out"_a = py::none(), R"(
 The mean so far as float32 (h,w,4), linear RGB and alpha, bottom row first; also while rendering. `out` is filled and
-returned if given.)")
+returned if given. Without it, what a GPU has rendered comes as a read-only view of the memory that the GPU copied it
+to.)")
       .def_property_readonly("samples_done", &RenderSession::samples_done,
                              "Samples that every pixel has.")
       .def_property_readonly("running", &RenderSession::running)

@@ -22,9 +22,10 @@ struct DeviceJob {
 
 class DeviceRenderer {
  public:
-  /// Sums of `samples_done` samples of each pixel, bottom row first, and what happened since the
-  /// call before.
-  using Deliver = std::function<void(const FilmPixel* film, int samples_done, const PassCounters&)>;
+  /// Means of `samples_done` samples of each pixel, RGBA, bottom row first, and what happened since
+  /// the call before. The image is the receiver's for as long as it holds it, and does not change.
+  using Deliver = std::function<void(std::shared_ptr<const float> image, int samples_done,
+                                     const PassCounters&)>;
 
   virtual ~DeviceRenderer() = default;
 

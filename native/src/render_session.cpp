@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 
 #include "src/environment_sampler.h"
@@ -101,7 +102,9 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
   tiles_x_ = (options.x1 + kTileSize - 1) / kTileSize - first_tile_x_;
   tiles_y_ = (options.y1 + kTileSize - 1) / kTileSize - first_tile_y_;
   plan_passes(0);
-  film_.assign(size_t(region_width()) * region_height(), Pixel());
+  on_device_ = device_ != nullptr;
+  device_image_.reset();
+  film_.assign(on_device_ ? 0 : size_t(region_width()) * region_height(), Pixel());
   ready_ = false;
   running_ = true;
   busy_ = int(threads_.size());
@@ -243,10 +246,11 @@ bool RenderSession::render_on_device() {
   job.samples = options_.samples;
   std::string failure;
   try {
-    device_->render(job, cancel_,
-                    [this](const FilmPixel* film, int done, const PassCounters& counters) {
-                      take_device_film(film, done, counters);
-                    });
+    device_->render(
+        job, cancel_,
+        [this](std::shared_ptr<const float> image, int done, const PassCounters& counters) {
+          take_device_image(std::move(image), done, counters);
+        });
   } catch (const std::exception& error) {
     failure = error.what();
   }
@@ -258,21 +262,32 @@ bool RenderSession::render_on_device() {
   }
   warning_ = failure + " The CPU finishes the frame.";
   stats_.device += " + CPU";
+  resume_from_device_image();
   plan_passes(samples_done_);
   return false;
 }
 
-void RenderSession::take_device_film(const FilmPixel* film, int samples_done,
-                                     const PassCounters& counters) {
-  for_each_tile_row([&](size_t first, size_t count) {
-    for (size_t i = first; i < first + count; ++i) {
-      const FilmPixel& sum = film[i];
-      film_[i] = {
-          {sum.radiance[0], sum.radiance[1], sum.radiance[2]}, sum.alpha, uint32_t(samples_done)};
+/// Sums again from the means: what a float rounds is far below a sample's noise.
+void RenderSession::resume_from_device_image() {
+  film_.assign(size_t(region_width()) * region_height(), Pixel());
+  if (device_image_) {
+    const float* mean = device_image_.get();
+    const int count = samples_done_;
+    for (Pixel& pixel : film_) {
+      for (double& sum : pixel.radiance) sum = double(*mean++) * count;
+      pixel.alpha = double(*mean++) * count;
+      pixel.count = uint32_t(count);
     }
-  });
-  samples_done_ = samples_done;
+  }
+  on_device_ = false;
+  device_image_.reset();
+}
+
+void RenderSession::take_device_image(std::shared_ptr<const float> image, int samples_done,
+                                      const PassCounters& counters) {
   std::lock_guard<std::mutex> lock(mutex_);
+  device_image_ = std::move(image);
+  samples_done_ = samples_done;
   stats_.rays += counters.rays;
   stats_.rejected_samples += counters.rejected;
 }
@@ -354,14 +369,30 @@ void RenderSession::accumulate(const TileSample& sample, int tile_x, int tile_y)
   }
 }
 
+std::shared_ptr<const float> RenderSession::device_image() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return device_image_;
+}
+
 void RenderSession::pixels(float* out) const {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (on_device_) {
+      const size_t count = size_t(4) * region_width() * region_height();
+      if (device_image_) {
+        std::copy_n(device_image_.get(), count, out);
+      } else {
+        std::fill_n(out, count, 0.0f);
+      }
+      return;
+    }
+  }
   for_each_tile_row([&](size_t first, size_t count) {
     for (size_t i = first; i < first + count; ++i) {
       const Pixel& pixel = film_[i];
-      float* rgba = out + 4 * i;
-      const double scale = pixel.count ? 1.0 / pixel.count : 0.0;
-      for (int k = 0; k < 3; ++k) rgba[k] = float(pixel.radiance[k] * scale);
-      rgba[3] = float(pixel.alpha * scale);
+      const Rgba mean =
+          film_mean(pixel.radiance, pixel.alpha, pixel.count ? 1.0 / pixel.count : 0.0);
+      std::memcpy(out + 4 * i, &mean, sizeof mean);
     }
   });
 }

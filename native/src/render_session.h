@@ -72,6 +72,9 @@ class RenderSession {
   /// The mean of what has been rendered so far, RGBA of the region, bottom row first; a pixel
   /// without samples is 0.
   void pixels(float* out) const;
+  /// The same without a copy, where a device brought it; null where the CPU renders, or nothing has
+  /// come yet.
+  std::shared_ptr<const float> device_image() const;
 
  private:
   struct Pixel {
@@ -82,7 +85,9 @@ class RenderSession {
   void worker(int index);
   void lead();
   bool render_on_device();
-  void take_device_film(const FilmPixel* film, int samples_done, const PassCounters& counters);
+  void take_device_image(std::shared_ptr<const float> image, int samples_done,
+                         const PassCounters& counters);
+  void resume_from_device_image();
   void plan_passes(int done);
   /// More than passes can be under way: each thread waits in at most one.
   size_t pass_slots() const { return threads_.size() + 2; }
@@ -108,6 +113,8 @@ class RenderSession {
   bool ready_ = false;  // the scene is built, tiles may be rendered
   std::string error_, warning_;
   SessionStats stats_;
+  bool on_device_ = false;  // the pixels are device_image_, and film_ is empty
+  std::shared_ptr<const float> device_image_;
 
   std::atomic<bool> cancel_{false}, running_{false};
   std::atomic<int> samples_done_{0};

@@ -39,7 +39,6 @@ TEST(CudaDriverApi, DeclarationsAgreeWithCudaH) {
       same_call(decltype(api->function_get_attribute){}, decltype(&::cuFuncGetAttribute){}));
   static_assert(same_call(decltype(api->copy_to_device){}, decltype(&::cuMemcpyHtoD){}));
   static_assert(same_call(decltype(api->copy_to_host_async){}, decltype(&::cuMemcpyDtoHAsync){}));
-  static_assert(same_call(decltype(api->copy_on_device_async){}, decltype(&::cuMemcpyDtoDAsync){}));
   static_assert(same_call(decltype(api->memset_async){}, decltype(&::cuMemsetD32Async){}));
   static_assert(same_call(decltype(api->stream_create){}, decltype(&::cuStreamCreate){}));
   static_assert(same_call(decltype(api->stream_wait_event){}, decltype(&::cuStreamWaitEvent){}));

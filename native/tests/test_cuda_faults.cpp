@@ -100,8 +100,8 @@ std::vector<CallFault> call_faults() {
   for (const char* call : {"cuStreamCreate", "cuEventCreate"}) {
     for (const char* which : {":1", ":2"}) faults.push_back({std::string(call) + which, true});
   }
-  for (const char* call : {"cuLaunchKernel", "cuEventRecord", "cuEventSynchronize",
-                           "cuMemcpyDtoDAsync", "cuMemcpyDtoHAsync"}) {
+  for (const char* call :
+       {"cuLaunchKernel", "cuEventRecord", "cuEventSynchronize", "cuMemcpyDtoHAsync"}) {
     for (const char* which : {":1", ":2", ":3:719"})
       faults.push_back({std::string(call) + which, true});
   }

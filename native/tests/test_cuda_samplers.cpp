@@ -8,7 +8,9 @@
 
 #include "cuda/device_sampler.h"
 #include "cuda/kernel_parameters.h"
+#include "cuda/sampler_timing.h"
 #include "cuda_test_support.h"
+#include "kernel/draw_samples.h"
 #include "src/alias_sampler.h"
 #include "src/inversion_sampler.h"
 #include "src/kdtree_sampler.h"
@@ -128,6 +130,21 @@ TEST_F(CudaTest, SamplersAndDensitiesAreTheHostsToTheLastBit) {
       }
       EXPECT_EQ(different, 0u) << "of " << u.size() << " densities";
     }
+  }
+}
+
+TEST_F(CudaTest, TheMicrobenchmarkDrawsWhatItTimes) {
+  const TestMap map = test_maps()[0];
+  for (const auto& [name, sampler] : samplers(map)) {
+    SCOPED_TRACE(name);
+    const SamplerTiming timing = time_sampler(0, sampler->view(), 300, 16, 2);
+    ASSERT_EQ(timing.seconds.size(), 2u);
+    EXPECT_GT(timing.seconds[1], 0.0);
+    size_t different = 0;
+    for (uint32_t i = 0; i < 300; ++i) {
+      different += draw_samples(sampler->view(), i, 16) != timing.sums[i];
+    }
+    EXPECT_EQ(different, 0u) << "of 300 threads";
   }
 }
 
