@@ -22,11 +22,19 @@ if sys.version_info < (3, 11):  # noqa: UP036 (told before the imports below fai
 sys.path.insert(0, str(Path(__file__).resolve().parent / ".ci"))
 from skytree_build import environments
 from skytree_build.benchmarks import bench_samplers, run_visibly
-from skytree_build.environments import BLENDERS, blender_module, environment, find_python, mitsuba_module
+from skytree_build.environments import (
+    BLENDERS,
+    blender_module,
+    cuda_compiler,
+    environment,
+    find_python,
+    mitsuba_module,
+)
 from skytree_build.packaging import DIST, build_wheel, megabytes, package
 from skytree_build.steps import ROOT, BuildError, relative
 from skytree_build.testing import TEST_PARTS, run_tests
 
+CUDA_BENCH = ROOT / "docs" / "bench" / "cuda_samplers.py"
 RENDER_BENCH = ROOT / "docs" / "bench" / "render_vs_cycles.py"
 PEERS_BENCH = ROOT / "docs" / "bench" / "peers" / "peers.py"
 
@@ -82,8 +90,14 @@ def bench_peers(options: argparse.Namespace) -> str:
 def command_bench(options: argparse.Namespace) -> str:
     if options.peers:
         return bench_peers(options)
-    broken = bench_samplers(options.further) if options.only != "renders" else 0
-    if options.only != "samplers":
+    if options.only in (None, "cuda"):
+        build_wheel()
+        tools = environment("venv", "tools", "3.11")
+        further = options.further if options.only else []  # without --only they are Google Benchmark's
+        compiler = ["--nvcc", nvcc] if (nvcc := cuda_compiler()) else []
+        run_visibly("The benchmark of the CUDA kernels", [tools, CUDA_BENCH, *compiler, *further])
+    broken = bench_samplers(options.further) if options.only in (None, "samplers") else 0
+    if options.only in (None, "renders"):
         archive = package()
         for version, python in BLENDERS.items():
             if find_python(python):
@@ -92,8 +106,15 @@ def command_bench(options: argparse.Namespace) -> str:
         run_visibly("The render benchmark", [tools, RENDER_BENCH, "--zip", archive])
     if broken:
         raise BuildError(f"{broken} of the ratios promised above did not hold in this run.")
-    return "The figures are in build/reports" + (
-        "." if options.only == "samplers" else " and docs/benchmarks.md."
+    pages = {
+        None: "docs/benchmarks.md and docs/cuda_samplers.md",
+        "renders": "docs/benchmarks.md",
+        "cuda": "docs/cuda_samplers.md",
+    }
+    return (
+        "The figures are in "
+        + " and ".join(["build/reports", *filter(None, [pages.get(options.only)])])
+        + "."
     )
 
 
@@ -110,7 +131,7 @@ COMMANDS = {
     "test": (command_test, "run every test, also inside Blender 3.4, 4.5 and 5.2"),
     "build": (command_build, "build the Python package skytree_core"),
     "package": (command_package, "make the zip that Blender installs"),
-    "bench": (command_bench, "measure the samplers, and renders against Cycles"),
+    "bench": (command_bench, "measure the samplers, CUDA kernels, and renders against Cycles"),
     "compare": (command_compare, "compare two ways of sampling on a .blend file and write a report"),
     "figures": (command_figures, "make the paper's figures, docs/results.md and docs/tutorial.md"),
 }
@@ -137,7 +158,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "Handed on: --a, --b, --samples or --seconds, --reference-samples, --seed, --size (docs/compare.md)"
     )
     added["figures"].epilog = "Handed on: --only NAME …, --quick, --again, --out DIR (docs/make_figures)"
-    added["bench"].add_argument("--only", choices=("samplers", "renders"), help="leave the other half out")
+    added["bench"].add_argument("--only", choices=("samplers", "renders", "cuda"), help="run this part only")
     added["bench"].add_argument(
         "--peers", action="store_true", help="against Cycles and Mitsuba instead; with --quick a few cases"
     )

@@ -43,7 +43,6 @@ enum DeviceAttribute : int {
 };
 
 enum JitOption : int { kJitErrorLogBuffer = 5, kJitErrorLogBufferSizeBytes = 6 };
-enum FunctionAttribute : int { kFunctionLocalBytes = 3, kFunctionRegisters = 4 };
 constexpr unsigned kStreamNonBlocking = 1;
 constexpr unsigned kEventDisableTiming = 2;
 constexpr unsigned kContextBlockingSync = 4;  // a waiting thread sleeps: the cores stay Blender's
@@ -71,8 +70,6 @@ constexpr unsigned kContextBlockingSync = 4;  // a waiting thread sleeps: the co
   X(module_unload, "cuModuleUnload", (ModuleHandle module))                                        \
   X(module_get_function, "cuModuleGetFunction",                                                    \
     (FunctionHandle * function, ModuleHandle module, const char* name))                            \
-  X(function_get_attribute, "cuFuncGetAttribute",                                                  \
-    (int* value, FunctionAttribute attribute, FunctionHandle function))                            \
   X(memory_alloc, "cuMemAlloc_v2", (DevicePointer * pointer, size_t bytes))                        \
   X(memory_free, "cuMemFree_v2", (DevicePointer pointer))                                          \
   X(memory_get_info, "cuMemGetInfo_v2", (size_t * free, size_t * total))                           \

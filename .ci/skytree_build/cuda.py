@@ -24,7 +24,7 @@ def cuda_test_environment() -> dict[str, str]:
 def _choose() -> tuple[dict[str, str], str]:
     if chosen := os.environ.get("SKYTREE_CUDA_DRIVER"):
         return {}, f"on {chosen}"
-    if _has_gpu():
+    if has_gpu():
         return {}, "on this machine's GPU"
     shared = os.environ.get("SKYTREE_SHARED")
     source = Path(shared) / "cuda-emulator" if shared else None
@@ -48,7 +48,8 @@ def _choose() -> tuple[dict[str, str], str]:
     return settings, f"on the processor, through {relative(EMULATOR)}"
 
 
-def _has_gpu() -> bool:
+def has_gpu() -> bool:
+    """A GPU of NVIDIA's that its driver lets us use."""
     try:
         driver = ctypes.CDLL("libcuda.so.1")
         count = ctypes.c_int()

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .cuda import cuda_test_environment
+from .cuda import cuda_test_environment, has_gpu
 from .environments import BLENDERS, blender_module, environment, find_python, left_out, require_packages
 from .packaging import build_native, build_wheel, install_wheel, package
 from .steps import BUILD, ROOT, BuildError, Finished, relative, run
@@ -79,17 +80,65 @@ def fresh_report(name: str) -> Path:
     return report
 
 
-def google_test(folder: str, *settings: str, **variables) -> Outcome:
+def google_test(folder: str, *settings: str, filter: str = "*", **variables) -> Outcome:
     require_packages("build", "test")
     program = build_native(folder, "skytree_tests", "-DSKYTREE_TESTS=ON", *settings)
     report = fresh_report(folder)
     return read_junit(
-        report, run(f"Run {folder}", [program, f"--gtest_output=xml:{report}"], check=False, **variables)
+        report,
+        run(
+            f"Run {folder}",
+            [program, f"--gtest_output=xml:{report}", f"--gtest_filter={filter}"],
+            check=False,
+            **variables,
+        ),
     )
 
 
 def test_core() -> Outcome:
     return google_test("native-test")
+
+
+def test_cuda() -> Outcome:
+    """All that runs CUDA kernels: what a machine with a GPU should see pass (docs/cuda.md)."""
+    outcomes = [google_test("native-test", filter="Cuda*:*/Cuda*")]
+    wheel, python = build_wheel(), environment("venv", "tools", "3.11")
+    install_wheel(python, wheel)
+    tests = ROOT / "native" / "python" / "tests" / "test_cuda.py"
+    outcomes.append(pytest("cuda-python", [python, "-m", "pytest"], tests))
+    if find_python(BLENDERS["4.5"]):
+        archive, blender = package(), blender_module("4.5")
+        tests = BLENDER_TESTS / "test_devices.py"
+        outcomes.append(pytest("cuda-blender", [blender, "-m", "pytest"], tests, SKYTREE_ZIP=archive))
+    outcomes.append(compute_sanitizer())
+    return added(outcomes)
+
+
+def compute_sanitizer() -> Outcome:
+    """NVIDIA's checkers over the tests of single kernels and of one image; only on a GPU."""
+    program = shutil.which("compute-sanitizer")
+    if not program or not has_gpu():
+        reason = "there is no GPU" if program else "it is not on PATH"
+        return Outcome(skipped=1, closing=[f"[ SKIPPED ] NVIDIA's compute-sanitizer: {reason}"])
+    outcome, tests = Outcome(), BUILD / "native-test" / "native" / "skytree_tests"
+    few = "--gtest_filter=CudaTest.SamplersAnd*:CudaTest.OptionsReachTheDevice:CudaTest.TwoViews*"
+    for tool in ("memcheck", "racecheck", "initcheck"):
+        command = [program, "--tool", tool, "--error-exitcode", "9", tests, few]
+        finished = run(f"Run compute-sanitizer {tool}", command, check=False)
+        outcome.passed += not finished.returncode
+        outcome.failed += bool(finished.returncode)
+        outcome.closing += finished.tail().splitlines() if finished.returncode else [f"{tool}: clean"]
+    return outcome
+
+
+def added(outcomes: list[Outcome]) -> Outcome:
+    return Outcome(
+        sum(o.passed for o in outcomes),
+        sum(o.failed for o in outcomes),
+        sum(o.skipped for o in outcomes),
+        "; ".join(o.note for o in outcomes if o.note),
+        [line for o in outcomes for line in o.closing],
+    )
 
 
 def test_sanitizers() -> Outcome:
@@ -191,6 +240,7 @@ def test_builder() -> Outcome:
     return pytest("builder", [python, "-m", "pytest"], ROOT / ".ci" / "tests", SKYTREE_ZIP=archive)
 
 
+# `cuda` is made of tests of the other parts, so it runs only where it is asked for.
 TEST_PARTS: dict[str, Callable[[], Outcome]] = {
     "lint": test_lint,
     "core": test_core,
@@ -203,15 +253,17 @@ TEST_PARTS: dict[str, Callable[[], Outcome]] = {
     "window": test_window,
     "builder": test_builder,
     "sanitizers": test_sanitizers,
+    "cuda": test_cuda,
 }
 
 
 def run_tests(parts: list[str]) -> int:
     """Runs every part even if one fails; returns the number of failures."""
     outcomes: dict[str, Outcome] = {}
-    if any(part.startswith(("core", "python", "blender")) for part in parts or TEST_PARTS):
+    parts = parts or [part for part in TEST_PARTS if part != "cuda"]
+    if any(part.startswith(("core", "python", "blender", "cuda", "builder")) for part in parts):
         os.environ.update(cuda_test_environment())
-    for part in parts or TEST_PARTS:
+    for part in parts:
         try:
             outcomes[part] = TEST_PARTS[part]()
         except BuildError as failure:

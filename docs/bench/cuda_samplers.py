@@ -1,27 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What drawing a direction costs on a GPU, for the kd-tree, inversion and alias tables.
 
-    python docs/bench/cuda_samplers.py [--samples 500] [--counts]
+    ./build_addon.py bench --only cuda [--samples 500] [--map FILE ...]
 
-With an NVIDIA GPU: frames per second of a sphere lit by the map, by map size and samples per pixel (the
-paper's Figures 4 and 5). Without one: instructions, loads and 32-byte memory sectors per sample, counted by
-executing the compiled kernels (PTX) on the processor; no times. That needs nvcc. Both need skytree_core.
+With an NVIDIA GPU: nanoseconds per direction of a kernel that does nothing else, and frames per second of
+the renderer by map, method and samples per pixel (the paper's Figures 4 and 5). With and without one:
+instructions, loads and 32-byte memory sectors per direction, counted by executing the compiled kernels (PTX)
+on the processor, which needs nvcc. Writes build/reports/cuda_samplers.csv and docs/cuda_samplers.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import ctypes
+import os
 import shutil
 import struct
 import subprocess
 import sys
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from statistics import median
 
+import cuda_samplers_page
 import numpy as np
 import skytree_core as sky
 from ptx_counter import Kernel, Memory
 
 ROOT = Path(__file__).resolve().parents[2]
+REPORT = ROOT / "build" / "reports" / "cuda_samplers.csv"
+PAGE = ROOT / "docs" / "cuda_samplers.md"
 METHODS = {
     "kdtree_fitted": lambda image: sky.KdTreeSampler(image),
     "kdtree_warp": lambda image: sky.KdTreeSampler(
@@ -33,6 +42,20 @@ METHODS = {
     "uniform": lambda image: sky.UniformSampler(),
 }
 WIDTHS = (1024, 2048, 4096)
+SAMPLES_PER_PIXEL = (1, 4, 16, 64)  # 16: the paper's Figure 4
+FRAME_SIZE = 512
+TIMED_THREADS, TIMED_SAMPLES = 1 << 20, 64  # of one launch of the microbenchmark
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure: a line of the CSV."""
+
+    map: str
+    method: str
+    samples_per_pixel: int  # 0: it is about one direction
+    quantity: str
+    value: float
 
 
 def synthetic_map(width: int) -> np.ndarray:
@@ -46,10 +69,7 @@ def synthetic_map(width: int) -> np.ndarray:
     return np.repeat((sky_part + sun + noise)[..., None], 3, axis=2).astype(np.float32)
 
 
-def compile_ptx() -> str:
-    nvcc = shutil.which("nvcc") or "/usr/local/cuda/bin/nvcc"
-    if not Path(nvcc).exists():
-        sys.exit("There is no GPU here, and nvcc, which counting needs, was not found.")
+def compile_ptx(nvcc: str) -> str:
     source = Path(__file__).with_name("cuda_samplers.cu")
     command = [nvcc, "-std=c++17", "-fmad=false", "-arch=compute_75", f"-I{ROOT}", f"-I{ROOT / 'native'}"]
     done = subprocess.run([*command, "-ptx", "-o", "/dev/stdout", source], capture_output=True, text=True)
@@ -80,25 +100,23 @@ def count(kernel: Kernel, sampler, u: np.ndarray):
     return instructions / len(u), loads / len(u), sectors / len(u), same
 
 
-def report_counts(samples: int):
-    print(f"No GPU is used: {sky.cuda_problem() or 'counts were asked for'}")
-    print(f"Executed PTX per sample, means of {samples} samples; tables alone are counted as memory.\n")
-    columns = ["map", "method", "instructions", "loads", "32-byte sectors", "table bytes", "the CPU's bits"]
-    print("|", " | ".join(columns), "|")
-    print("|", " | ".join(["---"] * len(columns)), "|")
-    ptx = compile_ptx()
+def counts(nvcc: str, samples: int, maps: dict[str, np.ndarray]) -> list[Row]:
+    ptx = compile_ptx(nvcc)
     kernels = {name: Kernel(ptx, name) for name in METHODS}
     u = np.random.default_rng(5).random((samples, 3), dtype=np.float32)
-    for width in WIDTHS:
-        image = synthetic_map(width)
-        for name, make in METHODS.items():
+    rows = []
+    for map_name, image in maps.items():
+        for method, make in METHODS.items():
             sampler = make(image)
-            instructions, loads, sectors, same = count(kernels[name], sampler, u)
-            print(
-                f"| {width}x{width // 2} | {name} | {instructions:.0f} | {loads:.1f} | {sectors:.1f} "
-                f"| {sampler.nbytes} | {'yes' if same else 'NO'} |",
-                flush=True,
-            )
+            *costs, same = count(kernels[method], sampler, u)
+            if not same:
+                sys.exit(f"{method}, {map_name}: the kernel drew other directions than the CPU does.")
+            figures = (*costs, sampler.nbytes)
+            quantities = cuda_samplers_page.COUNTS
+            rows += [Row(map_name, method, 0, *pair) for pair in zip(quantities, figures, strict=True)]
+            said = ", ".join(f"{f:.4g} {q}" for q, f in zip(quantities, figures, strict=True))
+            print(f"{map_name}, {method}: {said}", flush=True)
+    return rows
 
 
 def sphere(rows: int = 64):
@@ -111,45 +129,98 @@ def sphere(rows: int = 64):
     return points.reshape(-1, 3).astype(np.float32), triangles.astype(np.int32)
 
 
-def report_frames(gpu):
-    print(f"{gpu.name}, 512x512 pixels, direct light\n")
-    print("| map | method | samples per pixel | frames per second |\n| --- | --- | --- | --- |")
+def times(gpu, maps: dict[str, np.ndarray]) -> list[Row]:
+    """Of the kernel that draws directions and does nothing else."""
+    ordinal, rows = int(gpu.id.partition(":")[2]), []
+    for map_name, image in maps.items():
+        for method, make in METHODS.items():
+            seconds, _ = sky._native._time_sampler(make(image), ordinal, TIMED_THREADS, TIMED_SAMPLES, 9)
+            nanoseconds = 1e9 * median(seconds) / (TIMED_THREADS * TIMED_SAMPLES)
+            rows.append(Row(map_name, method, 0, "ns per direction", nanoseconds))
+            print(f"{map_name}, {method}: {nanoseconds:.4f} ns per direction", flush=True)
+    return rows
+
+
+def frames(gpu, maps: dict[str, np.ndarray]) -> list[Row]:
+    """Of the renderer: a chrome sphere lit by the map, direct light."""
     points, triangles = sphere()
-    for width in WIDTHS:
-        image = synthetic_map(width)
-        scene = sky.Scene()
-        mesh = scene.add_mesh(points, triangles, corners=triangles, corner_normals=points)
-        chrome = scene.add_material([{"type": "GLOSSY", "color": (0.9, 0.9, 0.9), "roughness": 0.3}])
-        scene.add_instance(mesh, np.eye(4), [chrome])
-        scene.set_camera(
-            np.array([[1, 0, 0, 0], [0, 0, -1, -3], [0, 1, 0, 0], [0, 0, 0, 1]], float),
-            np.array([[2.2, 0, 0, 0], [0, 2.2, 0, 0], [0, 0, -1.001, -0.2], [0, 0, -1, 0]]),
-        )
-        for name, make in METHODS.items():
+    scene = sky.Scene()
+    mesh = scene.add_mesh(points, triangles, corners=triangles, corner_normals=points)
+    chrome = scene.add_material([{"type": "GLOSSY", "color": (0.9, 0.9, 0.9), "roughness": 0.3}])
+    scene.add_instance(mesh, np.eye(4), [chrome])
+    scene.set_camera(
+        np.array([[1, 0, 0, 0], [0, 0, -1, -3], [0, 1, 0, 0], [0, 0, 0, 1]], float),
+        np.array([[2.2, 0, 0, 0], [0, 2.2, 0, 0], [0, 0, -1.001, -0.2], [0, 0, -1, 0]]),
+    )
+    rows = []
+    for map_name, image in maps.items():
+        for method, make in METHODS.items():
             scene.set_environment(image, make(image))
             session = sky.RenderSession(1, device=gpu.id)
-            for samples in (1, 4, 16, 64):
+            for samples in SAMPLES_PER_PIXEL:
                 seconds = []
                 for _ in range(6):  # the first sends the scene
-                    session.start(scene, 512, 512, samples, max_bounces=0)
+                    session.start(scene, FRAME_SIZE, FRAME_SIZE, samples, max_bounces=0)
                     session.wait(600)
                     if session.warning:
                         sys.exit(session.warning)
                     seconds.append(session.render_seconds)
-                rate = 1 / np.median(seconds[1:])
-                print(f"| {width}x{width // 2} | {name} | {samples} | {rate:.1f} |", flush=True)
+                rate = 1 / median(seconds[1:])
+                rows.append(Row(map_name, method, samples, "frames per second", rate))
+                print(f"{map_name}, {method}, {samples} samples per pixel: {rate:.1f} fps", flush=True)
+    return rows
+
+
+def gpu_and_reason():
+    """The GPU to measure, or None and why there is nothing to measure."""
+    gpus = [device for device in sky.devices() if device.type == "CUDA"]
+    if not gpus:
+        return None, sky.cuda_problem()
+    driver = ctypes.CDLL(os.environ.get("SKYTREE_CUDA_DRIVER") or "libcuda.so.1")
+    if hasattr(driver, "cuemuCounter"):
+        return None, "The CUDA driver here executes kernels on the processor: its times mean nothing."
+    return gpus[0], None
+
+
+def read_maps(files: list[Path]) -> dict[str, np.ndarray]:
+    maps = {f"synthetic {width}x{width // 2}": synthetic_map(width) for width in WIDTHS}
+    for file in files:
+        image = sky.read_image(str(file))
+        maps[f"{file.stem} {image.shape[1]}x{image.shape[0]}"] = image
+    return maps
+
+
+def write_csv(rows: list[Row]):
+    REPORT.parent.mkdir(parents=True, exist_ok=True)
+    with REPORT.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([field.name for field in fields(Row)])
+        writer.writerows(astuple(row) for row in rows)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, default=500, help="per method and map, for the counts")
-    parser.add_argument("--counts", action="store_true", help="count even where there is a GPU")
+    parser.add_argument("--samples", type=int, default=200, help="directions per method and map to count")
+    parser.add_argument("--map", type=Path, nargs="*", default=[], help="more maps than the synthetic ones")
+    parser.add_argument("--nvcc", default=shutil.which("nvcc"), help="CUDA's compiler (default: on PATH)")
+    parser.add_argument("--page", type=Path, default=PAGE, help="the page to write")
     arguments = parser.parse_args()
-    gpus = [device for device in sky.devices() if device.type == "CUDA"]
-    if gpus and not arguments.counts:
-        report_frames(gpus[0])
+    maps = read_maps(arguments.map)
+    gpu, reason = gpu_and_reason()
+    rows = []
+    if gpu:
+        print(f"Times on {gpu.name}:", flush=True)
+        rows += times(gpu, maps) + frames(gpu, maps)
     else:
-        report_counts(arguments.samples)
+        print(f"No GPU: {reason} So there are no times; counted instead:", flush=True)
+    if arguments.nvcc:
+        rows += counts(arguments.nvcc, arguments.samples, maps)
+    else:
+        print("nvcc, which counting needs, was not found.", flush=True)
+    write_csv(rows)
+    page = cuda_samplers_page.page(rows, gpu.name if gpu else None, reason, arguments.samples)
+    arguments.page.write_text(page)
+    print(f"\n{page}")
 
 
 if __name__ == "__main__":

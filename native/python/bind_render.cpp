@@ -304,7 +304,7 @@ py::array_t<float> image_view(std::shared_ptr<const float> image, py::ssize_t wi
       owner.get(), [](void* held) { delete static_cast<std::shared_ptr<const float>*>(held); });
   owner.release();
   py::array_t<float> view({height, width, py::ssize_t(4)}, data, capsule);
-  view.attr("setflags")("write"_a = false);
+  view.attr("setflags")(py::arg("write") = false);
   return view;
 }
 

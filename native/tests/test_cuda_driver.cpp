@@ -3,6 +3,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "cuda/kernel_parameters.h"
 #include "cuda_test_support.h"
 
 #if __has_include(<cuda.h>)
@@ -35,8 +36,6 @@ TEST(CudaDriverApi, DeclarationsAgreeWithCudaH) {
   static_assert(same_call(decltype(api->module_load){}, decltype(&::cuModuleLoadDataEx){}));
   static_assert(
       same_call(decltype(api->module_get_function){}, decltype(&::cuModuleGetFunction){}));
-  static_assert(
-      same_call(decltype(api->function_get_attribute){}, decltype(&::cuFuncGetAttribute){}));
   static_assert(same_call(decltype(api->copy_to_device){}, decltype(&::cuMemcpyHtoD){}));
   static_assert(same_call(decltype(api->copy_to_host_async){}, decltype(&::cuMemcpyDtoHAsync){}));
   static_assert(same_call(decltype(api->memset_async){}, decltype(&::cuMemsetD32Async){}));
@@ -61,8 +60,6 @@ TEST(CudaDriverApi, DeclarationsAgreeWithCudaH) {
   static_assert(int(kAttributeMultiprocessorCount) == CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT);
   static_assert(int(kJitErrorLogBuffer) == CU_JIT_ERROR_LOG_BUFFER);
   static_assert(int(kJitErrorLogBufferSizeBytes) == CU_JIT_ERROR_LOG_BUFFER_SIZE_BYTES);
-  static_assert(int(kFunctionLocalBytes) == CU_FUNC_ATTRIBUTE_LOCAL_SIZE_BYTES);
-  static_assert(int(kFunctionRegisters) == CU_FUNC_ATTRIBUTE_NUM_REGS);
   static_assert(kStreamNonBlocking == CU_STREAM_NON_BLOCKING);
   static_assert(kEventDisableTiming == CU_EVENT_DISABLE_TIMING);
   static_assert(kContextBlockingSync == CU_CTX_SCHED_BLOCKING_SYNC);
@@ -125,11 +122,57 @@ TEST_F(CudaEmulatorTest, ListsSeveralGpus) {
   EXPECT_NE(third, Context::acquire(0));
 }
 
+TEST_F(CudaEmulatorTest, ReadingBeyondABufferIsFound) {
+  // What makes the other tests here tests of bounds, too.
+  const EmulatorSettings settings{{"CUEMU_LOG", "/dev/null"}};
+  const ContextPointer context = Context::acquire(0);
+  const std::vector<Vec3> up(64, Vec3{0, 0, 1});
+  const Buffer directions(context, up.data(), up.size() * sizeof(Vec3));
+  const Buffer pdf(context, 1024 * sizeof(float));
+  const Stream stream(context);
+  const PdfParameters parameters = {EnvSamplerView(), directions.as<Vec3>(), pdf.writable<float>(),
+                                    1024};
+  launch(*context, stream, "evaluate_pdf", 1024 / kThreads, kThreads, parameters);
+  try {
+    stream.synchronize();
+    ADD_FAILURE() << "not noticed";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), kErrorIllegalAddress) << error.what();
+  }
+  context->mark_lost();
+}
+
 TEST_F(CudaEmulatorTest, NoGpuIsSaid) {
   const EmulatorSettings settings{{"CUEMU_DEVICES", "0"}};
   std::string reason;
   EXPECT_TRUE(devices(&reason).empty());
   EXPECT_NE(reason.find("no GPU"), std::string::npos) << reason;
+}
+
+class CudaListingFault : public CudaEmulatorTest,
+                         public testing::WithParamInterface<const char*> {};
+
+TEST_P(CudaListingFault, IsTheReasonWhyThereAreNoGpus) {
+  const EmulatorSettings settings{{"CUEMU_FAIL", GetParam()}, {"CUEMU_LOG", "/dev/null"}};
+  std::string reason;
+  EXPECT_TRUE(devices(&reason).empty());
+  EXPECT_NE(reason.find("failed: CUDA_ERROR_UNKNOWN"), std::string::npos) << reason;
+}
+
+INSTANTIATE_TEST_SUITE_P(Driver, CudaListingFault,
+                         testing::Values("cuDeviceGetCount:1", "cuDeviceGet:1", "cuDeviceGetName:1",
+                                         "cuDeviceGetAttribute:1", "cuDeviceGetAttribute:3",
+                                         "cuDeviceTotalMem:1"));
+
+TEST_F(CudaEmulatorTest, CudaTransferFault) {
+  const ContextPointer context = Context::acquire(0);
+  const Buffer buffer(context, 16);
+  const EmulatorSettings settings{{"CUEMU_FAIL", "cuMemcpyDtoH:1 cuDriverGetVersion:1"},
+                                  {"CUEMU_LOG", "/dev/null"}};
+  int number;
+  EXPECT_THROW(buffer.download(&number, sizeof number), Error);
+  EXPECT_NO_THROW(buffer.download(&number, sizeof number));
+  EXPECT_THROW(driver_version(), Error);
 }
 
 struct Fault {

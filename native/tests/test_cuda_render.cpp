@@ -238,15 +238,48 @@ TEST_F(CudaTest, NoGeometryShowsTheSky) {
   EXPECT_FLOAT_EQ(pixels[3], 1.0f);
 }
 
-TEST_F(CudaEmulatorTest, TwoGpus) {
+TEST_F(CudaEmulatorTest, TwoGpusAtTheSameTime) {
   const EmulatorSettings settings{{"CUEMU_DEVICES", "2"}};
   const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
   const RenderOptions options = small_options();
+  const std::vector<float> expected = render_on_host(scene.get(), options);
   RenderSession first(1, make_renderer(0)), second(1, make_renderer(1));
-  const Rendered a = render(&first, scene, options), b = render(&second, scene, options);
-  EXPECT_EQ(a.warning + b.warning, "");
-  EXPECT_EQ(different_pixels(a.pixels, b.pixels), 0u);
-  EXPECT_EQ(b.stats.device.back(), '1');  // the emulator numbers its GPUs
+  first.start(scene, options);
+  second.start(scene, options);
+  ASSERT_TRUE(first.wait(300) && second.wait(300));
+  EXPECT_EQ(first.warning() + second.warning(), "");
+  std::vector<float> pixels(expected.size());
+  first.pixels(pixels.data());
+  EXPECT_EQ(different_pixels(pixels, expected), 0u);
+  second.pixels(pixels.data());
+  EXPECT_EQ(different_pixels(pixels, expected), 0u);
+  EXPECT_EQ(first.stats().device.back(), '0');  // the emulator numbers its GPUs
+  EXPECT_EQ(second.stats().device.back(), '1');
+}
+
+TEST_F(CudaTest, AnImageThatSomebodyHoldsStays) {
+  const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
+  RenderOptions options = small_options();
+  options.samples = 64;
+  std::shared_ptr<const float> held;
+  std::vector<float> copy(4 * size_t(options.width) * options.height);
+  {
+    RenderSession session(1, make_renderer(0));
+    session.start(scene, options);
+    while (!held && session.running()) {
+      session.wait(0.001);
+      held = session.device_image();
+    }
+    ASSERT_TRUE(held);
+    std::copy_n(held.get(), copy.size(), copy.begin());
+    ASSERT_TRUE(session.wait(300));
+    const std::shared_ptr<const float> last = session.device_image();
+    std::vector<float> pixels(copy.size());
+    session.pixels(pixels.data());
+    EXPECT_TRUE(std::equal(pixels.begin(), pixels.end(), last.get()));
+    render(&session, scene, small_options());  // and through another render
+  }
+  EXPECT_TRUE(std::equal(copy.begin(), copy.end(), held.get()));
 }
 
 class CudaExecutionOrder : public CudaEmulatorTest,

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The kernels' registers stay in registers: what docs/cuda.md says about spills, by the compiler."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from skytree_build.environments import cuda_compiler
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def kernels():
+    name, file = "cuda_kernels", ROOT / "docs" / "bench" / "cuda_kernels.py"
+    specification = importlib.util.spec_from_file_location(name, file)
+    module = sys.modules[name] = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def compiled(kernels, tmp_path_factory):
+    nvcc = cuda_compiler()
+    if not nvcc:
+        pytest.skip("no nvcc on this machine, and none to be had from PyPI")
+    return {
+        k.name: k
+        for k in kernels.compile_kernels(str(nvcc), kernels.SOURCES[0], 86, tmp_path_factory.mktemp("cubin"))
+    }
+
+
+@pytest.mark.parametrize("kernel", ["sample_directions", "evaluate_pdf", "draw_directions"])
+def test_sampling_kernels_use_no_local_memory(compiled, kernel):
+    assert (compiled[kernel].spills, compiled[kernel].stack) == (0, 0)
+
+
+def test_no_kernel_spills(compiled):
+    assert {name: k.spills for name, k in compiled.items() if k.spills} == {}
+
+
+def test_four_blocks_of_the_renderer_fit_on_a_multiprocessor(compiled):
+    assert compiled["render_pass"].warps(86) >= 16
