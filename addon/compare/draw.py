@@ -33,7 +33,8 @@ _FRAGMENT = """
 vec3 color_at(sampler2D image)
 {
   ivec2 size = textureSize(image, 0);
-  return texelFetch(image, clamp(ivec2(floor(image_uv * vec2(size))), ivec2(0), size - 1), 0).rgb;
+  vec3 color = texelFetch(image, clamp(ivec2(floor(image_uv * vec2(size))), ivec2(0), size - 1), 0).rgb;
+  return min(color, vec3(65504.0));  // of infinite ones the difference would be NaN
 }
 
 void main()

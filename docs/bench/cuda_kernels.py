@@ -3,7 +3,8 @@
 
     python docs/bench/cuda_kernels.py [--arch 75 86 120]
 
-Needs nvcc and cuobjdump (the CUDA toolkit), no GPU. Prints the tables of docs/cuda.md.
+Needs nvcc; no GPU. Instructions are counted where cuobjdump and nvdisasm are on PATH (the CUDA toolkit, or
+PyPI's nvidia-cuda-cuobjdump and nvidia-cuda-nvdisasm). Prints the table of docs/cuda.md.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def compile_kernels(nvcc: str, source: Path, arch: int, folder: Path) -> list[Ke
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--arch", type=int, nargs="+", default=[75, 86, 89, 90, 120])
+    parser.add_argument("--arch", type=int, nargs="+", default=[75, 80, 86, 89, 90, 100, 120])
     arguments = parser.parse_args()
     nvcc = shutil.which("nvcc") or "/usr/local/cuda/bin/nvcc"
     if not Path(nvcc).exists():

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The stages of a path as kernels of their own, as a wavefront renderer would launch them: compiled
-// by cuda_kernels.py to see what each would need, never run. docs/cuda.md draws the conclusion.
+// What render_pass could be instead: the stages of a path as kernels of their own, as a wavefront
+// renderer would launch them, and persistent threads that fetch pixels. Compiled by cuda_kernels.py
+// to see what each would need, never run. docs/cuda.md draws the conclusion.
 #include "cuda/kernel_parameters.h"
 
 namespace skytree::cuda {
@@ -50,6 +51,37 @@ __global__ void __launch_bounds__(kThreads)
       p.paths[i].radiance += connection_radiance(p.pass.scene, connection, uv);
     }
   }
+}
+
+/// As many threads as fit, each fetching pixel after pixel until none is left.
+__global__ void __launch_bounds__(kThreads, kRenderBlocks)
+    persistent_pass(const __grid_constant__ PassParameters p, uint32_t* next) {
+  const uint32_t count = static_cast<uint32_t>(p.width) * p.height;
+  uint32_t pixel = atomicAdd(next, 1u);
+  if (pixel >= count) return;
+  uint32_t rays = 0, sample = 0;
+  int vertex = 0;
+  PathState path;
+  begin_path(p.scene, p.settings, p.x0 + pixel % p.width, p.y0 + pixel / p.width, p.first_sample,
+             &path);
+  for (;;) {
+    if (advance_path(p.scene, p.tracer, p.settings, vertex, &path, &rays)) {
+      ++vertex;
+      continue;
+    }
+    if (!add_to_film({path.radiance, path.alpha, 0}, p.film + pixel)) {
+      atomicAdd(&p.counters->rejected, 1ull);
+    }
+    if (++sample == p.sample_count) {
+      sample = 0;
+      pixel = atomicAdd(next, 1u);
+      if (pixel >= count) break;
+    }
+    begin_path(p.scene, p.settings, p.x0 + pixel % p.width, p.y0 + pixel / p.width,
+               p.first_sample + sample, &path);
+    vertex = 0;
+  }
+  atomicAdd(&p.counters->rays, static_cast<unsigned long long>(rays));
 }
 
 }  // extern "C"
