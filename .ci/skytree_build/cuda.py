@@ -44,6 +44,7 @@ def _choose() -> tuple[dict[str, str], str]:
         "CUEMU_CACHE": str(EMULATOR / "cache"),
         "CUEMU_OPT": "-O1",  # translating the kernels takes longer than running them
         "CUEMU_TIMEOUT_MS": "120000",
+        "CUEMU_DEVICES": "2",  # to have a choice of GPUs
     }
     return settings, f"on the processor, through {relative(EMULATOR)}"
 

@@ -5,6 +5,7 @@ import ctypes
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,3 +108,38 @@ def test_nothing_is_left_on_the_gpu_at_exit():
     )
     done = run_python(code, CUEMU_LEAKS="2")
     assert done.returncode == 0, done.stdout + done.stderr  # 86: something was left
+
+
+@pytest.mark.skipif(sky.cuda_problem() is not None, reason=str(sky.cuda_problem()))
+def test_the_pixels_are_a_view_that_stays():
+    scene = make_scene()
+    session = sky.RenderSession(1, device="CUDA")
+    pixels = render(session, scene)
+    assert not pixels.flags.writeable and not pixels.flags.owndata
+    before = pixels.copy()
+    session.start(scene, 48, 32, 2, seed=9)
+    session.wait(300)
+    del session
+    np.testing.assert_array_equal(pixels, before)
+    own = np.empty((32, 48, 4), np.float32)
+    session = sky.RenderSession(1, device="CUDA")
+    render(session, scene)
+    assert session.pixels(own) is own
+    np.testing.assert_array_equal(own, before)
+
+
+@pytest.mark.skipif(sky.cuda_problem() is not None, reason=str(sky.cuda_problem()))
+def test_the_benchmark_measures(monkeypatch):
+    # On an emulator its times mean nothing, but what would be measured on a GPU runs.
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[3] / "docs" / "bench")
+    bench = pytest.importorskip("cuda_samplers", reason="it needs the repository around it")
+    monkeypatch.setattr(bench, "TIMED_THREADS", 64)
+    monkeypatch.setattr(bench, "FRAME_SIZE", 16)
+    monkeypatch.setattr(bench, "SAMPLES_PER_PIXEL", (1, 2))
+    gpu = next(device for device in sky.devices() if device.type == "CUDA")
+    maps = {"small": bench.synthetic_map(64)}
+    times, frames = bench.times(gpu, maps), bench.frames(gpu, maps)
+    assert [row.method for row in times] == list(bench.METHODS) and all(row.value > 0 for row in times)
+    assert len(frames) == 2 * len(bench.METHODS) and all(row.value > 0 for row in frames)
+    page = bench.cuda_samplers_page.page(times + frames, gpu.name, None, 0)
+    assert f"Frames per second on {gpu.name}" in page and "kdtree_warp" in page
