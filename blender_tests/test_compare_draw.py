@@ -65,7 +65,8 @@ def test_the_difference_is_absolute(skytree, drawn, comparison):  # noqa: F811
 
 def test_names_line_and_plot_are_drawn_over_it(skytree, drawn, comparison):  # noqa: F811
     """The white line stands where the split is; a plot appears with the first measurements."""
-    compare_draw, report = part(skytree, "compare.draw"), part(skytree, "compare.report")
+    labels, plot = part(skytree, "compare.labels"), part(skytree, "compare.plot")
+    report = part(skytree, "compare.report")
     compared = SimpleNamespace(
         mode="SPLIT",
         split=0.5,
@@ -76,8 +77,8 @@ def test_names_line_and_plot_are_drawn_over_it(skytree, drawn, comparison):  # n
         gain=1.0,
     )
 
-    def draw(free=(0, 0, 260, 400)):  # names above the picture, the plot's corner in it
-        compare_draw.draw_over(comparison, compared, free)
+    def draw(free=(0, 0, 700, 400)):  # names above the picture, the plot's corner in it
+        labels.draw_over(comparison, compared, free)
 
     line = drawn(lambda: draw((1000, 1000, 260, 400)))[3, :, :3].min(axis=1)
     assert line[WIDTH // 2 - 1 : WIDTH // 2 + 1].min() > 0.8 and line[: WIDTH // 2 - 2].max() == 0.0
@@ -90,11 +91,11 @@ def test_names_line_and_plot_are_drawn_over_it(skytree, drawn, comparison):  # n
             report.Step(n, dict.fromkeys(report.ERROR_FIELDS, factor * n**-0.5), n * 0.1, n * 0.2)
             for n in (1, 2, 4)
         ]
-    assert compare_draw.curve_of(comparison.sides["a"], "SAMPLES")[2] == pytest.approx((0.60206, -0.60206))
-    assert compare_draw.curve_of(comparison.sides["a"], "TIME")[0] == pytest.approx((-1.0, 0.0))
-    lines = compare_draw.side_lines(comparison, "b", with_figures=True)
+    assert plot.curve_of(comparison.sides["a"], "SAMPLES")[2] == pytest.approx((0.60206, -0.60206))
+    assert plot.curve_of(comparison.sides["a"], "TIME")[0] == pytest.approx((-1.0, 0.0))
+    lines = labels.side_lines(comparison, "b", with_figures=True)
     assert lines[0] == "B  uniform" and lines[1] == "64 spp   500 ms"
-    assert any("efficiency 5" in line for line in compare_draw.side_lines(comparison, "a", True)), lines
+    assert any("efficiency 5" in line for line in labels.side_lines(comparison, "a", True)), lines
     assert np.abs(drawn(draw) - bare).mean() > 0.01
 
 

@@ -13,6 +13,7 @@ from ..viewport import clock as viewport_clock
 from ..viewport.renderer import LONGEST_WAIT_SECONDS, ViewportRenderer
 from ..viewport.view import free_rectangle, view_of
 from . import draw as compare_draw
+from . import labels
 from .view import CompareView, Request
 
 GRAB_PIXELS = 8
@@ -40,6 +41,7 @@ def draw(renderer: ViewportRenderer, context) -> bool:
     if seen is None:
         return False
     if view is None:
+        _close_vanished()
         view = _views[region.as_pointer()] = CompareView(renderer)
     view.look(Request.of(seen, scene))
     view.wait_for_picture(LONGEST_WAIT_SECONDS)
@@ -63,6 +65,15 @@ def close_all(*_):
         viewport_clock.forget(view)
         view.close()
     _views.clear()
+
+
+def _close_vanished():
+    """Closes the comparisons of regions that are gone, such as those of a quad view that was left."""
+    existing = {region.as_pointer() for region, _ in viewport_clock.regions()}
+    for pointer in [pointer for pointer in _views if pointer not in existing]:
+        view = _views.pop(pointer)
+        viewport_clock.forget(view)
+        view.close()
 
 
 def _close(region):
@@ -90,7 +101,7 @@ def _draw_over():
         context = bpy.context
         if _is_shown(context):
             view, compared = view_in(context.region), context.scene.skytree_compare
-            compare_draw.draw_over(view, compared, _uncovered(context))
+            labels.draw_over(view, compared, _uncovered(context), context.preferences.system.ui_scale)
     except Exception:  # A handler that raises would fill the console at every redraw.
         traceback.print_exc()
 
@@ -207,7 +218,7 @@ def capture_fraction() -> float | None:
 
 
 class SKYTREE_GT_compare_line(bpy.types.Gizmo):
-    """The line itself is drawn by compare.draw; this makes it something that can be grabbed."""
+    """The line itself is drawn by labels.py; this makes it something that can be grabbed."""
 
     bl_idname = "SKYTREE_GT_compare_line"
 

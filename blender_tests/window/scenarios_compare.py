@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The comparison in a real window; see driver.py."""
 
+import gc
+
 import bpy
 import numpy as np
 import scenes
@@ -38,6 +40,7 @@ def until_compared(w):
     yield from w.until(lambda: view_in(w) is not None, what="a comparison")
     yield 0.1
     yield from w.until(lambda: not view_in(w).busy, what="both sides")
+    w.event("MOUSEMOVE", "NOTHING", (0.9, 0.1))  # no tooltip over the picture
     yield 0.3
 
 
@@ -214,6 +217,107 @@ def scenario_settings(w):
     assert view_in(w) is None
     yield from w.until_still()
     assert w.renderers()[0].samples_done == scene.skytree.preview_samples
+
+
+def scenario_quad_view_and_two_views(w):
+    """Every view compares by itself; a reference is captured for each, and each is judged by its own."""
+    _, compared = set_up(w)
+    compared.samples, compared.mode = 2, "SPLIT"
+    yield from until_compared(w)
+    with w.override():
+        bpy.ops.screen.region_quadview()
+    region = w.part("compare.region")
+    yield from w.until(lambda: len(region._views) == 4, what="four comparisons")
+    yield from w.until(lambda: not any(view.busy for view in region._views.values()), what="all sides")
+    with w.override():
+        bpy.ops.skytree.capture_reference(samples=4)
+    views = list(region._views.values())
+    yield from w.until(lambda: all(view.reference is not None for view in views), 150.0, "four references")
+    yield from w.until(lambda: not any(view.busy for view in views), what="all sides")
+    yield 0.5
+    w.shot("quad_view")
+    assert all(view.problem == "" and view.sides["a"].steps for view in views)
+    assert len({view.captured.of[0] for view in views}) == 4
+    with w.override():
+        bpy.ops.screen.region_quadview()
+    yield 0.5
+    gc.collect()
+    yield from w.until(lambda: len(region._views) == 1, what="one comparison after quad view")
+    yield from until_compared(w)
+
+
+def scenario_camera_border_and_ortho(w):
+    """In camera view with a border, orthographic, of another size, and with a transparent film."""
+    scene, compared = set_up(w)
+    compared.mode, compared.show_figures = "SPLIT", False
+    yield from until_compared(w)
+    with w.override():
+        bpy.ops.view3d.view_camera()
+    scene.render.use_border = True
+    scene.render.border_min_x, scene.render.border_max_x = 0.25, 0.75
+    scene.render.border_min_y, scene.render.border_max_y = 0.2, 0.8
+    yield from w.until(lambda: view_in(w).request.view.border is not None, what="the border")
+    yield from until_compared(w)
+    x0, y0, x1, y1 = view_in(w).request.view.border
+    assert view_in(w).sides["b"].picture.pixels.shape[:2] == (y1 - y0, x1 - x0)
+    w.shot("camera_border")
+    scene.render.use_border = False
+    scene.render.film_transparent = True
+    yield from w.until(lambda: view_in(w).request.settings.film_transparent, what="the film")
+    yield from until_compared(w)
+    w.shot("film_transparent")
+    assert view_in(w).sides["a"].picture.pixels[..., 3].min() == 0.0
+    scene.render.film_transparent = False
+    with w.override():
+        bpy.ops.view3d.view_axis(type="TOP")
+    w.space.region_3d.view_perspective = "ORTHO"
+    yield 0.8
+    yield from until_compared(w)
+    w.shot("orthographic")
+    with w.override():
+        bpy.ops.screen.screen_full_area()
+    yield 0.5
+    yield from until_compared(w)
+    size = view_in(w).request.view
+    assert (size.width, size.height) == (w.region.width, w.region.height)
+    with w.override():
+        bpy.ops.screen.back_to_previous()
+    yield 0.5
+    yield from until_compared(w)
+    assert view_in(w).problem == ""
+
+
+def scenario_report_in_the_background(w):
+    """The button returns at once; the panel tells how far it is, cancels, and opens the page."""
+    scene, compared = set_up(w)
+    scene.render.resolution_x, scene.render.resolution_y = 160, 100
+    compared.samples, compared.reference_samples = 4, 1 << 20
+    compared.folder = str(w.folder / "report")
+    yield from w.until_still()
+    w.key("N")  # the sidebar
+    yield 0.5
+    w.key("LEFTMOUSE", (0.98, 0.636))  # its tab Skytree
+    yield 0.5
+    background = w.part("compare.background")
+    with w.override():
+        bpy.ops.skytree.compare_report("INVOKE_DEFAULT")
+    yield from w.until(lambda: background.current().progress.text == "reference", what="the reference")
+    yield from w.drag("MIDDLEMOUSE", (0.4, 0.4), (0.5, 0.5))
+    yield 0.5
+    w.shot("report_running")
+    with w.override():
+        assert bpy.ops.skytree.cancel_report() == {"FINISHED"}
+    yield from w.until(lambda: background.current().done, what="the end of the report")
+    assert background.current().page is None
+    compared.reference_samples = 16
+    with w.override():
+        bpy.ops.skytree.compare_report("INVOKE_DEFAULT")
+    yield from w.until(lambda: background.current().done, 120.0, "the report")
+    yield 0.5
+    assert background.current().problem == "" and background.current().page.exists()
+    w.shot("report_done")
+    w.key("N")
+    yield 0.3
 
 
 def scenario_close(w):
