@@ -141,7 +141,9 @@ def inputs_digest(name: str, module, context: Context) -> str:
     """Of all that a figure depends on: code, core, maps, coarseness."""
     digest = hashlib.sha256(repr((name, context.quick)).encode())
     extra = [HERE / file for file in getattr(module, "INPUTS", ())]
-    for file in (HERE / f"{name}.py", *COMMON, *extra, Path(skytree_core._native.__file__)):
+    package = Path(skytree_core.__file__).parent
+    core = [Path(skytree_core._native.__file__), *sorted(package.glob("*.py"))]
+    for file in (HERE / f"{name}.py", *COMMON, *extra, *core):
         digest.update(file.read_bytes())
     for entry in context.maps.all:
         digest.update(f"{entry.name} {entry.digest()}".encode())

@@ -56,7 +56,15 @@ def labelled_grid(
         for column, (picture, text) in enumerate(row):
             x = left + column * (width + gap)
             first, _, rest = text.partition("\n")
-            draw.text((x, y), first, pictures.INK, pictures.font(16, bold=True))
-            draw.multiline_text((x, y + line), rest, pictures.SOFT, pictures.font(15), spacing=4)
+            draw.text((x, y), first, pictures.INK, _fitting(draw, first, width, 16, bold=True))
+            small = _fitting(draw, rest, width, 15)
+            draw.multiline_text((x, y + line), rest, pictures.SOFT, small, spacing=4)
             page.paste(picture, (x, y + caption))
     return page
+
+
+def _fitting(draw: ImageDraw.ImageDraw, text: str, width: int, size: int, bold: bool = False):
+    """The font at this size, or as much smaller as the text needs to stay over its picture."""
+    while size > 7 and draw.multiline_textbbox((0, 0), text, pictures.font(size, bold))[2] > width:
+        size -= 1
+    return pictures.font(size, bold)
