@@ -48,6 +48,10 @@ def main() -> int:
     started = time.monotonic()
     try:
         maps = Maps(arguments.blender_python if arguments.blender_python.exists() else None)
+        if arguments.pages:
+            page = pages.write(HERE / "text", arguments.out, FIGURES, maps)
+            console.print(f"Wrote {page}", highlight=False)
+            return 0
         failed = make_all(arguments, maps, console)
     except (MapError, pages.PageError) as error:
         console.print(f"figures: {error}", style="red", markup=False, highlight=False)
@@ -73,6 +77,11 @@ def parse(words: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("--quick", action="store_true", help="two maps and coarse renders, for a first look")
     parser.add_argument("--again", action="store_true", help="also make what is finished")
+    parser.add_argument(
+        "--pages",
+        action="store_true",
+        help="write results.md from the tables that are there, and nothing else",
+    )
     parser.add_argument("--out", type=Path, help="folder for pictures and tables (default: docs/figures)")
     parser.add_argument("--blender-python", type=Path, default=ROOT / "build" / "bpy-4.5" / "bin" / "python")
     arguments = parser.parse_args(words)
