@@ -261,7 +261,7 @@ def run_tests(parts: list[str]) -> int:
     """Runs every part even if one fails; returns the number of failures."""
     outcomes: dict[str, Outcome] = {}
     parts = parts or [part for part in TEST_PARTS if part != "cuda"]
-    if any(part.startswith(("core", "python", "blender", "cuda", "builder")) for part in parts):
+    if any(part.startswith(("core", "python", "blender", "window", "cuda", "builder")) for part in parts):
         os.environ.update(cuda_test_environment())
     for part in parts:
         try:

@@ -133,6 +133,10 @@ class Window:
         yield from self.until(lambda: not any(r.busy for r in self.renderers()), seconds, "the renderers")
         yield 0.3
 
+    def skip(self, reason: str):
+        """Ends the scenario, as one that this machine cannot play."""
+        raise SkippedError(reason)
+
     def figure(self, name: str, value: float):
         """A number that the test run prints."""
         self.figures[name] = float(value)

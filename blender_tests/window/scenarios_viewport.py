@@ -83,6 +83,33 @@ def scenario_orbit_pan_zoom(w):
     w.figure("first picture of the last view, ms", renderer.first_picture_seconds * 1000)
 
 
+def scenario_cuda(w):
+    """On a GPU the same picture, in the memory that the GPU copied it to; orbiting, and back to the CPU."""
+    if problem := w.part("devices").cuda_problem():
+        w.skip(problem)
+    renderer = yield from rendered(w, preview_samples=4)
+    on_cpu = w.view_of(w.shot("cuda_before"), 0.1)
+    assert renderer.pixels().flags.owndata
+    w.scene.skytree.device = "CUDA"
+    picture = renderer.picture
+    yield from w.until(lambda: renderer.picture is not picture and not renderer.busy, what="CUDA's picture")
+    assert renderer.session.warning is None and "CPU" not in renderer.session.stats["device"].split(" + ")
+    assert renderer.samples_done == 4 and not renderer.pixels().flags.owndata
+    on_gpu = w.view_of(w.shot("cuda"), 0.1)
+    w.figure("mean difference of the screenshots, CUDA and CPU", difference(on_cpu, on_gpu))
+    assert difference(on_cpu, on_gpu) < 0.01
+    yield from w.drag("MIDDLEMOUSE", (0.5, 0.5), (0.62, 0.56), steps=5)
+    yield from w.until_still()
+    assert renderer.samples_done == 4 and renderer.session.warning is None
+    turned = w.view_of(w.shot("cuda_orbit"), 0.1)
+    w.scene.skytree.device = "CPU"
+    picture = renderer.picture
+    yield from w.until(
+        lambda: renderer.picture is not picture and not renderer.busy, what="the CPU's picture"
+    )
+    assert difference(turned, w.view_of(w.shot("cuda_after"), 0.1)) < 0.01
+
+
 def scenario_beside_cycles(w):
     """The same view through Cycles: camera, background, light and view transform agree."""
     yield from rendered(w, preview_samples=8)
