@@ -52,7 +52,7 @@ def page(comparison: Comparison, document: dict, images: dict[str, bytes]) -> st
             document["settings"].get("scene", "Skytree")
             + ": "
             + comparison.a.label
-            + " / "
+            + " against "
             + comparison.b.label
         ),
         "options": options,
@@ -75,7 +75,7 @@ def _rows(values: dict) -> str:
 def _result_rows(comparison: Comparison) -> str:
     a, b = comparison.a, comparison.b
     rows = [("samples per pixel", "", [f"{side.last.samples}" for side in (a, b)])]
-    rows += [(name, what, [f"{side.last.errors[key]:.6g}" for side in (a, b)]) for key, name, what in FIGURES]
+    rows += [(name, what, [_error(side.last.errors, key) for side in (a, b)]) for key, name, what in FIGURES]
     for key, name, what in (
         (
             "largest_weight",
@@ -109,6 +109,10 @@ def _result_rows(comparison: Comparison) -> str:
         f'<tr><th title="{escape(what)}">{escape(name)}</th><td>{x}</td><td>{y}</td></tr>'
         for name, what, (x, y) in rows
     )
+
+
+def _error(errors: dict[str, float], key: str) -> str:
+    return f"{100 * errors[key]:+.2f} %" if key == "mean_difference" else f"{errors[key]:.4g}"
 
 
 def _number(value: float | None) -> str:

@@ -2,6 +2,9 @@
 """The live viewport in a real window; see driver.py."""
 
 import gc
+import resource
+import threading
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -416,11 +419,36 @@ def scenario_load_and_close(w):
     yield 0.5
     gc.collect()
     assert not w.renderers(), "a renderer outlived Rendered shading"
-    w.addon.unregister()
-    yield 0.3
-    w.addon.register()
+
+
+def scenario_disable_ten_times(w):
+    """Disabled and enabled while it renders, compares, floats and overlays; then it works as before."""
+    yield from rendered(w, refined=False, preview_samples=4096)
+    keymap = bpy.context.window_manager.keyconfigs.addon.keymaps["3D View"]
+    keys = len(keymap.keymap_items)
+    resident = []
+    for _ in range(10):
+        scene = w.scene
+        scene.skytree_compare.mode = "SPLIT"
+        scene.skytree_overlay.show_blocks = True
+        w.shade("RENDERED")
+        yield from w.until(w.renderers, what="a renderer")
+        yield 0.1
+        w.addon.unregister()
+        yield 0.1
+        gc.collect()
+        assert not w.renderers(), "a renderer outlived the add-on"
+        assert not [t.name for t in threading.enumerate() if "skytree" in t.name.lower()]
+        assert not any(i.idname.startswith("skytree") for i in keymap.keymap_items)
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        resident.append(pages * resource.getpagesize() / 1e6)
+        w.addon.register()
+        w.scene.render.engine = "SKYTREE"
+    w.figure("ten times disabled: MB more than after the second time", resident[-1] - resident[1])
+    assert len(keymap.keymap_items) == keys
+    w.shade("SOLID")
     renderer = yield from rendered(w, preview_samples=2)
-    assert renderer.problem == ""
+    assert renderer.problem == "" and renderer.samples_done == 2
 
 
 def scenario_thumbnails(w):
