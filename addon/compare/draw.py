@@ -9,7 +9,8 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from ..viewport import gpu_draw
-from .view import CompareView, Side
+from .sides import Side
+from .view import CompareView
 
 _VERTEX = """
 void main()

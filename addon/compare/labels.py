@@ -11,7 +11,8 @@ import math
 from ..viewport import gpu_draw
 from .draw import split_position
 from .plot import COLORS, draw_plot
-from .view import CompareView, sampler_figures_of
+from .sides import sampler_figures_of
+from .view import CompareView
 
 WHITE = (1.0, 1.0, 1.0, 0.9)
 WARNING = (1.0, 0.72, 0.3, 1.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,9 +49,15 @@ def _metrics():
     return importlib.import_module("skytree_core.metrics")
 
 
-def sampler_figures(sampler, image: np.ndarray, points: int = 2) -> dict[str, float] | None:
+class StoppedError(Exception):
+    """Somebody asked to stop; nothing is wrong."""
+
+
+def sampler_figures(
+    sampler, image: np.ndarray, points: int = 2, stop: threading.Event | None = None
+) -> dict[str, float] | None:
     """How well a sampler's pdf fits the bilinearly interpolated map (H,W,3), at points x points places in
-    each texel; None for a black map.
+    each texel; None for a black map. Raises StoppedError soon after `stop` is set.
 
     With w = L/pdf (mean of the channels) and m = the integral of L over the sphere, its expectation:
 
@@ -64,6 +71,8 @@ def sampler_figures(sampler, image: np.ndarray, points: int = 2) -> dict[str, fl
     u = (np.arange(width) + 0.5) / width
     total = second_moment = largest = 0.0
     for start in range(0, height, ROWS_PER_CHUNK):
+        if stop is not None and stop.is_set():
+            raise StoppedError
         rows = slice(start, min(start + ROWS_PER_CHUNK, height))
         v = (np.arange(height)[rows, None] + 0.5) / height
         radiance = latlong.lookup(image, *np.broadcast_arrays(u, v)).mean(axis=2, dtype=np.float64)

@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 
 from ..viewport import gpu_draw
-from .view import CompareView, Side
+from .sides import Side
+from .view import CompareView
 
 COLORS = {"a": (0.95, 0.52, 0.28, 1.0), "b": (0.35, 0.65, 1.0, 1.0)}
 WHITE, SOFT, GUIDE = (1.0, 1.0, 1.0, 0.9), (1.0, 1.0, 1.0, 0.18), (1.0, 1.0, 1.0, 0.55)

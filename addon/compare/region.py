@@ -14,7 +14,8 @@ from ..viewport.renderer import LONGEST_WAIT_SECONDS, ViewportRenderer
 from ..viewport.view import free_rectangle, view_of
 from . import draw as compare_draw
 from . import labels
-from .view import CompareView, Request
+from .sides import Request
+from .view import CompareView
 
 GRAB_PIXELS = 8
 

@@ -10,125 +10,29 @@ errors.
 from __future__ import annotations
 
 import os
+import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from .. import native
-from ..environments import BuiltEnvironment, SamplerSettings, environments
-from ..viewport import gpu_draw
+from ..environments import BuiltEnvironment, environments
 from ..viewport.renderer import (
     FIRST_PICTURE_SECONDS,
     REFINEMENT_SECONDS,
     Picture,
-    RenderSettings,
     ViewportRenderer,
 )
-from ..viewport.view import View
-from .methods import REFERENCE_SEEDS, Clock, Method, method_of
+from .capture import Capture, CapturedReference
 from .metrics import Reference, sampler_figures
-from .report import Step, make_step
+from .report import make_step
+from .sides import Request, Side, built_of
 
 UNLIMITED_SAMPLES = 1 << 20
 COARSEST_DIVISOR = 8
 SIDES = ("a", "b")
-
-
-@dataclass(frozen=True)
-class Request:
-    """All that the two pictures depend on besides the scene. A method is None for the captured reference."""
-
-    view: View
-    settings: RenderSettings
-    methods: tuple[Method | None, Method | None]
-    clock: Clock
-
-    @classmethod
-    def of(cls, view: View, scene) -> Request:
-        compared = scene.skytree_compare
-        methods = tuple(
-            None if side.method == "REFERENCE" else method_of(side, scene.skytree)
-            for side in (compared.a, compared.b)
-        )
-        clock = Clock(compared.clock, compared.samples, compared.seconds)
-        return cls(view, RenderSettings.of(scene), methods, clock)
-
-
-@dataclass
-class Side:
-    """One of the two pictures and what is known about it."""
-
-    method: Method | None = None
-    sampler: Future | None = None
-    session: object = None
-    picture: Picture | None = None
-    texture: tuple | None = None
-    seconds: float = 0.0  # of rendering the picture
-    taken_at: float = 0.0  # when the picture was taken
-    measured_at: int = 0  # samples that the last measurement was asked for
-    steps: list[Step] = field(default_factory=list)
-    workers: tuple[int, str] = (0, "CPU")  # threads and device of the session
-    finished: bool = False
-
-    def uploaded(self):
-        """The picture as a texture, or None."""
-        if self.picture is None:
-            return None
-        if self.texture is None or self.texture[0] is not self.picture:
-            self.texture = self.picture, gpu_draw.upload(self.picture.pixels)
-        return self.texture[1]
-
-
-@dataclass(frozen=True)
-class CapturedReference:
-    reference: Reference
-    of: tuple  # CompareView.subject() when it was made
-    samples: int
-
-
-class Capture:
-    """A reference that is being rendered: two independent halves, one after the other."""
-
-    def __init__(self, view: CompareView, samples: int):
-        self.subject = view.subject()
-        self.samples = max(samples // 2, 1)
-        self.halves: list[np.ndarray] = []
-        settings = view.request.settings
-        self.session = native.core().RenderSession(settings.threads, settings.device)
-        self._view = view
-        self._sampler = environments.request(view.scene_sync.environment, SamplerSettings())
-        self._started = False
-
-    @property
-    def fraction(self) -> float:
-        part = self.session.samples_done / self.samples if self._started else 0.0
-        return min((len(self.halves) + part) / 2, 1.0)
-
-    def advance(self) -> CapturedReference | None:
-        """Goes on; the reference once it is complete. Raises RuntimeError if rendering failed."""
-        if not self._started:
-            if self._sampler.done():
-                self._start()
-            return None
-        if self.session.running:
-            return None
-        if self.session.error:
-            raise RuntimeError(self.session.error)
-        self.halves.append(np.ascontiguousarray(self.session.pixels()[..., :3]))
-        if len(self.halves) < 2:
-            self._start()
-            return None
-        return CapturedReference(Reference(*self.halves), self.subject, 2 * self.samples)
-
-    def _start(self):
-        request = self._view.request
-        seed = request.settings.seed ^ REFERENCE_SEEDS[len(self.halves)]
-        options = {**request.settings.options(), "seed": seed, "sampler": self._sampler.result().sampler}
-        width, height, border = request.view.scaled(1)
-        self.session.start(self._view.scene_sync.scene, width, height, self.samples, region=border, **options)
-        self._started = True
 
 
 class CompareView:
@@ -149,7 +53,8 @@ class CompareView:
         self._started = 0.0
         self._progress_shown = 0.0
         self._measuring: list[tuple[str, tuple, Future]] = []
-        self._awaited_figures: list[Future] = []
+        self._awaited_figures: list[BuiltEnvironment] = []
+        self._stop_figures = threading.Event()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="skytree-compare")
 
     # What to show
@@ -200,10 +105,6 @@ class CompareView:
         if self._stop in self._renderer.before_upload:
             self._renderer.before_upload.remove(self._stop)
         self._worker.shutdown(wait=False, cancel_futures=True)
-        for side in self.sides.values():
-            built = _built_of(side)
-            if built is not None and built.figures is not None and built.figures.cancelled():
-                built.figures = None  # so that another view asks again
         self.sides = {name: Side() for name in SIDES}
         self.captured = None
 
@@ -331,6 +232,7 @@ class CompareView:
         for side in self.sides.values():
             if side.session is not None:
                 side.session.cancel()
+        self._drop_figures()
         self._divisor = 0
         self._stale = True
 
@@ -354,11 +256,13 @@ class CompareView:
 
     def _request_figures(self):
         """Once both pictures are complete: figures of a large map's sampler take seconds of a processor."""
+        self._stop_figures = threading.Event()
         for side in self._drawn_by_session():
-            built = _built_of(side)
+            built = built_of(side)
             if built is not None and built.figures is None:
-                built.figures = self._worker.submit(sampler_figures, built.sampler, built.image)
-                self._awaited_figures.append(built.figures)
+                arguments = built.sampler, built.image, 2, self._stop_figures
+                built.figures = self._worker.submit(sampler_figures, *arguments)
+                self._awaited_figures.append(built)
 
     def _show_reference(self, side: Side):
         if side.method is not None:
@@ -438,24 +342,15 @@ class CompareView:
                 side = self.sides[name]
                 side.steps = [step for step in side.steps if step.samples < job.result().samples]
                 side.steps.append(job.result())
-        known = [future for future in self._awaited_figures if future.done()]
-        self._awaited_figures = [future for future in self._awaited_figures if not future.done()]
-        return bool(done or known)
+        before = len(self._awaited_figures)
+        self._awaited_figures = [built for built in self._awaited_figures if not built.figures.done()]
+        return bool(done) or len(self._awaited_figures) < before
 
-
-def _built_of(side: Side) -> BuiltEnvironment | None:
-    """The sampler whose figures tell about a side, once it is built."""
-    if side.method is None or not side.method.light_sampling or side.sampler is None:
-        return None
-    if not side.sampler.done() or side.sampler.exception() is not None:
-        return None
-    built = side.sampler.result()
-    return built if built.image is not None else None
-
-
-def sampler_figures_of(side: Side) -> dict | None:
-    """Figures of a side's sampler, as far as they are known."""
-    built = _built_of(side)
-    if built is None or built.figures is None or not built.figures.done() or built.figures.cancelled():
-        return None
-    return built.figures.result()
+    def _drop_figures(self):
+        """The next pictures need the processor; what was not finished is asked for again after them."""
+        self._stop_figures.set()
+        for built in self._awaited_figures:
+            built.figures.cancel()
+            if not built.figures.done() or built.figures.cancelled() or built.figures.exception() is not None:
+                built.figures = None
+        self._awaited_figures = []
