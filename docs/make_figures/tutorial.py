@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the code of text/tutorial.md block by block, as a notebook would, and writes docs/tutorial.md with
+"""Runs the code of text/tutorial_page.md block by block, as a notebook would, and writes docs/tutorial.md with
 what it printed; the pictures are those that the code saves."""
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import pages
 from context import Context
 
 TITLE = "Tutorial"
-INPUTS = ("text/tutorial.md", "pages.py")
+INPUTS = ("text/tutorial_page.md", "pages.py")
 CODE = re.compile(r"```python\n(.*?)```\n", re.S)
 
 
 def make(context: Context) -> None:
-    text = (Path(__file__).parent / "text" / "tutorial.md").read_text()
+    text = (Path(__file__).parent / "text" / "tutorial_page.md").read_text()
     entry = context.maps.named("uffizi")
     text = text.replace("{{map}}", entry.name).replace("{{credit}}", entry.credit)
     context.expect(len(CODE.findall(text)))
