@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the code of text/tutorial_page.md block by block, as a notebook would, and writes docs/tutorial.md with
-what it printed; the pictures are those that the code saves."""
+"""Runs the code of text/tutorial_page.md block by block, as a notebook would, and writes docs/tutorial.md
+with what it printed; the pictures are those that the code saves."""
 
 from __future__ import annotations
 
