@@ -5,6 +5,7 @@
 #include <cstring>
 #include <set>
 
+#include "src/brdf_kdtree.h"
 #include "src/environment_sampler.h"
 
 namespace skytree::cuda {
@@ -77,7 +78,8 @@ bool DeviceScene::update(const SceneParts& parts,
                          const float* filter_table, const std::atomic<bool>& cancel) {
   view_ = parts.view;
   if (!update_meshes(parts, cancel) || !update_instances(parts, cancel) ||
-      !update_textures(parts, cancel) || !update_environment(parts, sampler, cancel)) {
+      !update_textures(parts, cancel) || !update_brdfs(parts, cancel) ||
+      !update_environment(parts, sampler, cancel)) {
     return false;
   }
   instance_materials_.set(context_, *parts.instance_materials);
@@ -90,7 +92,8 @@ bool DeviceScene::update(const SceneParts& parts,
   view_.instances = instances_.as<InstanceView>();
   view_.instance_materials = instance_materials_.as<int32_t>();
   view_.materials = materials_.as<MaterialView>();
-  view_.tables = {closures_.as<Closure>(), texture_views_.as<TextureView>(), albedo_.as<float>()};
+  view_.tables = {closures_.as<Closure>(), texture_views_.as<TextureView>(), albedo_.as<float>(),
+                  brdf_views_.as<TabulatedBrdfView>()};
   return true;
 }
 
@@ -162,6 +165,33 @@ bool DeviceScene::update_textures(const SceneParts& parts, const std::atomic<boo
   }
   textures_ = std::move(textures);
   texture_views_.set(context_, views);
+  return true;
+}
+
+bool DeviceScene::update_brdfs(const SceneParts& parts, const std::atomic<bool>& cancel) {
+  std::vector<std::shared_ptr<const DeviceBrdf>> brdfs;
+  std::vector<TabulatedBrdfView> views;
+  for (const std::shared_ptr<const BrdfKdTree>& source : parts.brdfs) {
+    const auto key = reinterpret_cast<uintptr_t>(source.get());
+    brdfs.push_back(context_->share<DeviceBrdf>(key, cancel, [&] {
+      auto brdf = std::make_unique<DeviceBrdf>();
+      brdf->source = source;
+      TabulatedBrdfView& view = brdf->view = source->view();
+      const NdKdTree& tree = source->tree();
+      auto send = [&](auto& pointer, size_t count) {
+        pointer = add_array(context_, pointer, count, &brdf->arrays);
+      };
+      send(view.table.values, source->table().nbytes() / sizeof(float));
+      send(view.tree.nodes, tree.node_count());
+      send(view.tree.slices, size_t(tree.slice_count()));
+      send(view.tree.bounds, tree.bounds_count());
+      return brdf;
+    }));
+    if (!brdfs.back()) return false;
+    views.push_back(brdfs.back()->view);
+  }
+  brdfs_ = std::move(brdfs);
+  brdf_views_.set(context_, views);
   return true;
 }
 

@@ -32,6 +32,13 @@ struct SharedSampler {
   std::shared_ptr<const EnvironmentSampler> source;
 };
 
+/// A tabulated BRDF's arrays, and its view with their addresses.
+struct DeviceBrdf {
+  TabulatedBrdfView view;
+  std::vector<Buffer> arrays;
+  std::shared_ptr<const BrdfKdTree> source;
+};
+
 /// An array that is sent only when it changed.
 class Mirror {
  public:
@@ -68,6 +75,7 @@ class DeviceScene {
   bool update_meshes(const SceneParts& parts, const std::atomic<bool>& cancel);
   bool update_instances(const SceneParts& parts, const std::atomic<bool>& cancel);
   bool update_textures(const SceneParts& parts, const std::atomic<bool>& cancel);
+  bool update_brdfs(const SceneParts& parts, const std::atomic<bool>& cancel);
   bool update_environment(const SceneParts& parts,
                           const std::shared_ptr<const EnvironmentSampler>& sampler,
                           const std::atomic<bool>& cancel);
@@ -75,10 +83,11 @@ class DeviceScene {
   ContextPointer context_;
   std::vector<std::shared_ptr<const DeviceMesh>> meshes_;
   std::vector<std::shared_ptr<const DeviceTexels>> textures_;
+  std::vector<std::shared_ptr<const DeviceBrdf>> brdfs_;
   std::shared_ptr<const DeviceTexels> image_;
   std::shared_ptr<const SharedSampler> sampler_;
   Mirror mesh_views_, mesh_trees_, instances_, instance_materials_, materials_, closures_;
-  Mirror texture_views_, albedo_, filter_table_, white_, top_nodes_, top_instances_;
+  Mirror texture_views_, brdf_views_, albedo_, filter_table_, white_, top_nodes_, top_instances_;
   std::vector<Bounds> top_bounds_;  // of the meshes, for which the top level was built
   SceneView view_ = {};
   TracerView tracer_ = {};

@@ -1,16 +1,25 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The lobes that every material is made of: Lambert, Oren-Nayar, GGX with three kinds of Fresnel,
-// Ward. Each lobe is evaluated, sampled and given its pdf in one place; all directions point away
-// from the surface, in world space.
+// Ward, tables. Each lobe is evaluated, sampled and given its pdf in one place; all directions
+// point away from the surface, in world space.
 #pragma once
 
 #include "kernel/microfacet.h"
 #include "kernel/oren_nayar.h"
+#include "kernel/tabulated_brdf.h"
 #include "kernel/ward.h"
 
 namespace skytree {
 
-enum class LobeType : int32_t { kDiffuse, kGlossy, kDielectric, kMetal, kWard, kRoughDiffuse };
+enum class LobeType : int32_t {
+  kDiffuse,
+  kGlossy,
+  kDielectric,
+  kMetal,
+  kWard,
+  kRoughDiffuse,
+  kTabulated
+};
 
 /// One reflection lobe of a surface.
 struct Lobe {
@@ -19,8 +28,11 @@ struct Lobe {
   Vec3 weight;                      // reflectance factor, the closure's weight included
   Vec3 normal, tangent, bitangent;  // shading frame; the last two are unset for the diffuse ones
   float alpha_x, alpha_y;
-  float eta;        // kDielectric
-  OrenNayar rough;  // kRoughDiffuse
+  float eta;  // kDielectric
+  union {
+    OrenNayar rough;                 // kRoughDiffuse
+    const TabulatedBrdfView* table;  // kTabulated
+  };
   Vec3 f0;  // kMetal: reflectance at normal incidence; kRoughDiffuse: weight of repeated bounces
 };
 
@@ -74,6 +86,20 @@ SKY_HD BsdfValue eval_rough_diffuse(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   return {(lobe.weight * single + lobe.f0 * (lost * kInvPi)) * cos_i, cos_i * kInvPi};
 }
 
+/// Not inlined: the table's code would cost all the other lobes registers.
+SKY_HD_NOINLINE BsdfValue eval_table(const Lobe& lobe, Vec3 wo, Vec3 wi) {
+  const Vec3 o = to_local(lobe, wo);
+  const Vec3 i = to_local(lobe, wi);
+  if (o.z <= 0.0f || i.z <= 0.0f) return {{0, 0, 0}, 0.0f};
+  const Vec3 f = brdf_table_value(lobe.table->table, o, i);
+  return {lobe.weight * f * i.z, brdf_pdf(*lobe.table, o, i)};
+}
+
+SKY_HD_NOINLINE Vec3 sample_table(const Lobe& lobe, Vec3 wo, Vec2 u) {
+  const Vec3 o = to_local(lobe, wo);
+  return normalize(to_world(lobe, brdf_sample(*lobe.table, {o.x, o.y, maxf(o.z, 0.0f)}, u)));
+}
+
 SKY_HD BsdfValue eval_lobe(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   if (lobe.type == LobeType::kDiffuse) {
     const float pdf = maxf(dot(lobe.normal, wi), 0.0f) * kInvPi;
@@ -87,6 +113,7 @@ SKY_HD BsdfValue eval_lobe(const Lobe& lobe, Vec3 wo, Vec3 wi) {
     const WardValue value = ward_eval(o, i, lobe.alpha_x, lobe.alpha_y);
     return {lobe.weight * value.f_cos, value.pdf};
   }
+  if (lobe.type == LobeType::kTabulated) return eval_table(lobe, wo, wi);
   return eval_ggx(lobe, wo, wi);
 }
 
@@ -100,6 +127,7 @@ SKY_HD Vec3 sample_lobe(const Lobe& lobe, Vec3 wo, Vec2 u) {
     const float r = sqrtf(u.y);
     return tangent * (r * cosine) + bitangent * (r * sine) + lobe.normal * sqrtf(1.0f - u.y);
   }
+  if (lobe.type == LobeType::kTabulated) return sample_table(lobe, wo, u);
   const Vec3 o = to_local(lobe, wo);
   const Vec3 h = lobe.type == LobeType::kWard
                      ? ward_sample_half_vector(lobe.alpha_x, lobe.alpha_y, u)

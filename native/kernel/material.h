@@ -10,7 +10,15 @@
 
 namespace skytree {
 
-enum class ClosureType : int32_t { kDiffuse, kGlossy, kWard, kPrincipled, kEmission, kTransparent };
+enum class ClosureType : int32_t {
+  kDiffuse,
+  kGlossy,
+  kWard,
+  kPrincipled,
+  kEmission,
+  kTransparent,
+  kTabulated
+};
 
 /// One node of a material with the product of the mix factors above it. Textures are indices, -1
 /// for none; a texture multiplies the plain value.
@@ -31,6 +39,7 @@ struct Closure {
   int32_t normal_texture = -1;  // tangent space, RGB = (n + 1) / 2
   float normal_strength = 1.0f;
   int32_t emission_texture = -1;
+  int32_t brdf = -1;  // kTabulated
 };
 
 struct MaterialView {
@@ -57,6 +66,7 @@ struct MaterialTables {
   const Closure* closures;
   const TextureView* textures;
   const float* dielectric_albedo;  // kAlbedoTableSize^3
+  const TabulatedBrdfView* brdfs;
 };
 
 SKY_HD float dielectric_albedo(const float* table, float roughness, float cosine, float eta) {
@@ -184,6 +194,22 @@ SKY_HD void set_glossy_frame(Lobe* lobe, Vec2 alpha, const MeshView& mesh,
   }
 }
 
+/// A BRDF that the scene does not have reflects nothing.
+SKY_HD void add_tabulated(const MaterialTables& tables, const Closure& closure,
+                          const MeshView& mesh, const InstanceView& instance, const Hit& hit,
+                          const Surface& surface, Vec3 normal, Shading* shading) {
+  if (closure.brdf < 0) return;
+  Lobe* lobe = next_lobe(shading);
+  lobe->type = LobeType::kTabulated;
+  lobe->table = &tables.brdfs[closure.brdf];
+  // Unequal alphas ask for a tangent.
+  const float elongated = lobe->table->table.half_phi > 1 ? 0.5f : 1.0f;
+  set_glossy_frame(lobe, {1.0f, elongated}, mesh, instance, hit, normal, closure.rotation);
+  lobe->weight =
+      closure.weight * textured(tables, closure.color, closure.color_texture, surface.uv);
+  keep_lobe(shading, lobe, mean_component(lobe->weight));
+}
+
 SKY_HD void add_principled(const MaterialTables& tables, const Closure& closure,
                            const Surface& surface, Vec3 normal, const Lobe& frame, float roughness,
                            Vec3 view, Shading* shading) {
@@ -267,6 +293,10 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
       Lobe frame;
       set_glossy_frame(&frame, alpha, mesh, instance, hit, normal, closure.rotation);
       add_principled(tables, closure, surface, normal, frame, roughness, view, shading);
+      continue;
+    }
+    if (closure.type == ClosureType::kTabulated) {
+      add_tabulated(tables, closure, mesh, instance, hit, surface, normal, shading);
       continue;
     }
     Lobe* lobe = next_lobe(shading);

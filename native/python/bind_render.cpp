@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "bindings.h"
+#include "src/brdf_kdtree.h"
 #include "src/environment_sampler.h"
 #include "src/render_session.h"
 #include "src/scene.h"
@@ -88,22 +89,27 @@ struct MeshArrays {
 
 Closure parse_closure(const py::dict& dict) {
   static const std::map<std::string, ClosureType> kTypes = {
-      {"DIFFUSE", ClosureType::kDiffuse},   {"GLOSSY", ClosureType::kGlossy},
-      {"WARD", ClosureType::kWard},         {"PRINCIPLED", ClosureType::kPrincipled},
-      {"EMISSION", ClosureType::kEmission}, {"TRANSPARENT", ClosureType::kTransparent}};
+      {"DIFFUSE", ClosureType::kDiffuse},    {"GLOSSY", ClosureType::kGlossy},
+      {"WARD", ClosureType::kWard},          {"PRINCIPLED", ClosureType::kPrincipled},
+      {"EMISSION", ClosureType::kEmission},  {"TRANSPARENT", ClosureType::kTransparent},
+      {"TABULATED", ClosureType::kTabulated}};
   if (!dict.contains("type")) throw std::invalid_argument("a closure needs a type");
   const std::string type = py::str(dict["type"]);
   const auto found = kTypes.find(type);
   if (found == kTypes.end()) {
     throw std::invalid_argument(
         "closure type \"" + type +
-        "\" is not one of DIFFUSE, GLOSSY, WARD, PRINCIPLED, EMISSION, TRANSPARENT");
+        "\" is not one of DIFFUSE, GLOSSY, WARD, PRINCIPLED, EMISSION, TRANSPARENT, TABULATED");
   }
   Closure closure;
   closure.type = found->second;
   const bool emissive = closure.type == ClosureType::kEmission;
   const bool principled = closure.type == ClosureType::kPrincipled;
-  if (emissive || closure.type == ClosureType::kTransparent) closure.color = {1, 1, 1};
+  const bool tabulated = closure.type == ClosureType::kTabulated;
+  if (emissive || tabulated || closure.type == ClosureType::kTransparent) closure.color = {1, 1, 1};
+  if (tabulated && !dict.contains("brdf")) {
+    throw std::invalid_argument("closure TABULATED needs \"brdf\", a number from Scene.add_brdf");
+  }
   if (principled) closure.roughness = 0.5f;
   // A texture multiplies the plain value, so that value is 1 where only the texture is given.
   if (dict.contains("color_texture")) closure.color = {1, 1, 1};
@@ -161,6 +167,8 @@ Closure parse_closure(const py::dict& dict) {
         closure.metallic_texture = texture();
       else if (key == "normal_texture")
         closure.normal_texture = texture();
+      else if (key == "brdf" && tabulated)
+        closure.brdf = value.cast<int32_t>();
       else if (key == "normal_strength")
         closure.normal_strength = maxf(number(), 0.0f);
       else if (key == "emission_texture")
@@ -451,6 +459,14 @@ Adds an image (H,W,3) or (H,W,4) float32, scene-linear, row 0 at the top; return
 CLOSEST; extension: REPEAT, EXTEND, CLIP or MIRROR. uv_transform (2,3) turns the surface's (u,v,1) into where the
 image is looked up; None leaves them as they are.)")
       .def("remove_texture", &Scene::remove_texture, "texture"_a)
+      .def(
+          "add_brdf",
+          [](Scene& scene, std::shared_ptr<BrdfKdTree> brdf) {
+            return scene.add_brdf(std::move(brdf));
+          },
+          "brdf"_a,
+          "Adds a tabulated BRDF for closures of type TABULATED; returns its id. Scenes share it.")
+      .def("remove_brdf", &Scene::remove_brdf, "brdf"_a)
       .def(
           "set_camera",
           [](Scene& scene, const MatrixArray& camera_to_world, const MatrixArray& projection) {

@@ -19,6 +19,7 @@ std::unique_ptr<DeviceRenderer> make_device_renderer(const std::string& device);
 void bind_devices(pybind11::module_& m);
 void bind_compressed_map(pybind11::module_& m);
 void bind_samplers(pybind11::module_& m);
+void bind_brdf(pybind11::module_& m);  // before bind_render
 void bind_render(pybind11::module_& m);
 
 }  // namespace skytree

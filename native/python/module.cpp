@@ -7,5 +7,6 @@ PYBIND11_MODULE(_native, m) {
   skytree::bind_devices(m);
   skytree::bind_samplers(m);
   skytree::bind_compressed_map(m);
+  skytree::bind_brdf(m);
   skytree::bind_render(m);
 }

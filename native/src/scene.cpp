@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "src/brdf_kdtree.h"
 #include "src/camera_setup.h"
 
 namespace skytree {
@@ -161,6 +162,21 @@ void Scene::remove_texture(int texture) {
   tables_changed_ = true;
 }
 
+int Scene::add_brdf(std::shared_ptr<const BrdfKdTree> brdf) {
+  require_idle();
+  if (!brdf) throw std::invalid_argument("add_brdf: a tabulated BRDF is needed");
+  brdfs_[next_brdf_] = std::move(brdf);
+  tables_changed_ = true;
+  return next_brdf_++;
+}
+
+void Scene::remove_brdf(int brdf) {
+  require_idle();
+  find(brdfs_, brdf, "brdf");
+  brdfs_.erase(brdf);
+  tables_changed_ = true;
+}
+
 void Scene::set_camera(const Matrix4& camera_to_world, const Matrix4& projection) {
   require_idle();
   camera_ = make_camera(camera_to_world, projection);
@@ -230,6 +246,8 @@ SceneStats Scene::stats() const {
     stats.triangles += mesh->triangle_count();
   }
   for (const auto& [id, texture] : textures_) stats.nbytes += sizeof(float) * texture.texels.size();
+  for (const auto& [id, brdf] : brdfs_)
+    stats.nbytes += brdf->table().nbytes() + brdf->tree().nbytes();
   stats.instances = instances_.size();
   return stats;
 }

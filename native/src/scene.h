@@ -17,6 +17,7 @@
 
 namespace skytree {
 
+class BrdfKdTree;
 class EnvironmentSampler;
 
 struct TextureInput {
@@ -67,6 +68,10 @@ class Scene {
   int add_texture(const TextureInput& input);
   void remove_texture(int texture);
 
+  /// For closures of type kTabulated, whose `brdf` is the number that this returns.
+  int add_brdf(std::shared_ptr<const BrdfKdTree> brdf);
+  void remove_brdf(int brdf);
+
   void set_camera(const Matrix4& camera_to_world, const Matrix4& projection);
   void set_environment(EnvironmentInput input);
 
@@ -116,7 +121,8 @@ class Scene {
   std::map<int, Instance> instances_;
   std::map<int, Material> materials_;
   std::map<int, Texture> textures_;
-  int next_mesh_ = 0, next_instance_ = 0, next_material_ = 0, next_texture_ = 0;
+  std::map<int, std::shared_ptr<const BrdfKdTree>> brdfs_;
+  int next_mesh_ = 0, next_instance_ = 0, next_material_ = 0, next_texture_ = 0, next_brdf_ = 0;
   bool has_camera_ = false;
   CameraView camera_ = {};
   EnvironmentInput environment_;
@@ -131,6 +137,7 @@ class Scene {
   std::vector<MaterialView> material_views_;
   std::vector<Closure> closures_;
   std::vector<TextureView> texture_views_;
+  std::vector<TabulatedBrdfView> brdf_views_;
   bool has_emission_ = false, has_transparency_ = false, has_principled_ = false;
 
   SceneStats stats_;

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "src/albedo_table.h"
+#include "src/brdf_kdtree.h"
 #include "src/environment_sampler.h"
 #include "src/scene.h"
 
@@ -124,7 +125,7 @@ void Scene::place_instances() {
 
 void Scene::fill_tables() {
   table_warnings_.clear();
-  std::map<int, int> mesh_rows, material_rows, texture_rows;
+  std::map<int, int> mesh_rows, material_rows, texture_rows, brdf_rows;
   mesh_views_.clear();
   for (const auto& [id, mesh] : meshes_) {
     mesh_rows[id] = int(mesh_views_.size());
@@ -136,6 +137,11 @@ void Scene::fill_tables() {
     const TextureInput& in = texture.input;
     texture_views_.push_back({in.texels, in.width, in.height, in.channels, in.extension,
                               in.interpolation, in.u_row, in.v_row});
+  }
+  brdf_views_.clear();
+  for (const auto& [id, brdf] : brdfs_) {
+    brdf_rows[id] = int(brdf_views_.size());
+    brdf_views_.push_back(brdf->view());
   }
   material_views_.clear();
   closures_.clear();
@@ -155,6 +161,15 @@ void Scene::fill_tables() {
                                     ", which the scene does not have; its plain value is used");
         }
         *texture = found == texture_rows.end() ? -1 : found->second;
+      }
+      if (closure.type == ClosureType::kTabulated) {
+        const auto found = brdf_rows.find(closure.brdf);
+        if (found == brdf_rows.end()) {
+          table_warnings_.push_back("material \"" + material.name + "\" uses BRDF " +
+                                    std::to_string(closure.brdf) +
+                                    ", which the scene does not have; it is rendered black");
+        }
+        closure.brdf = found == brdf_rows.end() ? -1 : found->second;
       }
       has_transparency_ |= closure.type == ClosureType::kTransparent;
       has_principled_ |= closure.type == ClosureType::kPrincipled;
@@ -193,7 +208,7 @@ SceneView Scene::view(int width, int height) const {
   view.instance_materials = instance_materials_.data();
   view.materials = material_views_.data();
   view.tables = {closures_.data(), texture_views_.data(),
-                 has_principled_ ? dielectric_albedo_table() : kNoAlbedo};
+                 has_principled_ ? dielectric_albedo_table() : kNoAlbedo, brdf_views_.data()};
   view.environment.image =
       environment_.texels
           ? LatLongImage{environment_.texels.get(), environment_.width, environment_.height}

@@ -23,6 +23,7 @@ SceneParts Scene::parts(int width, int height) const {
   for (const auto& [id, texture] : textures_) {
     parts.textures.push_back({texture.serial, texture_views_[row++]});
   }
+  for (const auto& [id, brdf] : brdfs_) parts.brdfs.push_back(brdf);
   for (const auto& [id, instance] : instances_) {
     parts.instance_usable.push_back(is_usable(instance));
   }

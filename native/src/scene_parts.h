@@ -10,6 +10,7 @@
 
 namespace skytree {
 
+class BrdfKdTree;
 class EnvironmentSampler;
 
 /// A number that no other object of this process has had; equal numbers mean equal contents.
@@ -31,6 +32,7 @@ struct SceneParts {
   SceneView view;
   std::vector<MeshPart> meshes;
   std::vector<TexturePart> textures;
+  std::vector<std::shared_ptr<const BrdfKdTree>> brdfs;
   const std::vector<InstanceView>* instances;
   std::vector<bool> instance_usable;  // false: its matrix or mesh cannot be rendered
   const std::vector<int32_t>* instance_materials;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "src/brdf_kdtree.h"
 #include "src/environment_sampler.h"
 #include "src/scene.h"
 
@@ -165,7 +166,9 @@ inline std::shared_ptr<Scene> material_scene(EnvironmentInput sky) {
   materials[4] = closure(ClosureType::kPrincipled, {0.2f, 0.5f, 0.8f}, 0.3f);
   materials[5] = closure(ClosureType::kPrincipled, {1.0f, 0.8f, 0.3f}, 0.15f);
   materials[5].metallic = 1.0f;
-  materials[6] = closure(ClosureType::kDiffuse, {0.9f, 0.9f, 0.9f});
+  static const auto table = std::make_shared<BrdfKdTree>(make_ward_table(0.4f, 0.1f));
+  materials[6] = closure(ClosureType::kTabulated, {0.9f, 0.9f, 0.9f});
+  materials[6].brdf = scene->add_brdf(table);
   materials[7] = closure(ClosureType::kPrincipled, {0.9f, 0.9f, 0.9f}, 0.8f);
   materials[7].roughness_texture = textures[3];
   materials[7].metallic_texture = textures[2];

@@ -12,12 +12,15 @@ World axes are Blender's: +Z up, and a direction meets the texel that Cycles sho
 try:
     from ._native import (
         AliasSampler,
+        BrdfKdTree,
+        BrdfTable,
         BuildCancelled,
         CompressedMap,
         Device,
         EnvironmentSampler,
         InversionSampler,
         KdTreeSampler,
+        NdKdTreeSampler,
         RankFit,
         RenderSession,
         Scene,
@@ -39,12 +42,15 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AliasSampler",
+    "BrdfKdTree",
+    "BrdfTable",
     "BuildCancelled",
     "CompressedMap",
     "Device",
     "EnvironmentSampler",
     "InversionSampler",
     "KdTreeSampler",
+    "NdKdTreeSampler",
     "RankFit",
     "RenderSession",
     "Scene",
