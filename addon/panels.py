@@ -230,6 +230,31 @@ class SKYTREE_MATERIAL_PT_ward(_Panel, bpy.types.Panel):
             column.prop(settings, name)
 
 
+class SKYTREE_MATERIAL_PT_table(_Panel, bpy.types.Panel):
+    bl_label = "Tabulated BRDF"
+    bl_context = "material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.material is not None
+
+    def draw_header(self, context):
+        self.layout.prop(context.material.skytree, "use_table", text="")
+
+    def draw(self, context):
+        settings = context.material.skytree
+        column = _column(self.layout)
+        column.enabled = settings.use_table
+        column.prop(settings, "table_source")
+        if settings.table_source == "MERL":
+            names = ("table_file", "table_color")
+        else:
+            names = ("table_color", "table_alpha_x", "table_alpha_y", "table_rotation")
+        for name in names:
+            column.prop(settings, name)
+
+
 CLASSES = (
     SKYTREE_RENDER_PT_sampling,
     SKYTREE_RENDER_PT_light_paths,
@@ -240,6 +265,7 @@ CLASSES = (
     SKYTREE_WORLD_PT_figures,
     SKYTREE_WORLD_PT_messages,
     SKYTREE_MATERIAL_PT_ward,
+    SKYTREE_MATERIAL_PT_table,
 )
 
 

@@ -11,6 +11,7 @@ from bpy.props import (
     FloatVectorProperty,
     IntProperty,
     PointerProperty,
+    StringProperty,
 )
 
 from .viewport import clock as viewport_clock
@@ -213,6 +214,68 @@ class SkytreeMaterialSettings(bpy.types.PropertyGroup):
         min=0.0,
         max=1.0,
         description="Reflectance",
+    )
+    use_table: BoolProperty(
+        update=_changed,
+        name="Tabulated BRDF",
+        default=False,
+        description="Show this material by a table of its reflectance, sampled by a kd-tree, instead of its "
+        "nodes (Skytree alone knows this setting)",
+    )
+    table_source: EnumProperty(
+        update=_changed,
+        name="Table",
+        default="GGX",
+        items=[
+            ("GGX", "GGX", "The model of Blender's Glossy BSDF, as a table"),
+            ("WARD", "Ward", "Ward's anisotropic model, as a table"),
+            ("MERL", "MERL File", "A measured material: a .binary file of the MERL BRDF database"),
+        ],
+        description="What the table holds",
+    )
+    table_file: StringProperty(
+        update=_changed,
+        name="File",
+        subtype="FILE_PATH",
+        description="A .binary file of the MERL BRDF database",
+    )
+    table_alpha_x: FloatProperty(
+        update=_changed,
+        name="Alpha X",
+        default=0.2,
+        min=0.01,
+        max=1.0,
+        precision=3,
+        description="Roughness along the tangent (the square of Blender's roughness)",
+    )
+    table_alpha_y: FloatProperty(
+        update=_changed,
+        name="Alpha Y",
+        default=0.2,
+        min=0.01,
+        max=1.0,
+        precision=3,
+        description="Roughness across the tangent; different from Alpha X the table has four dimensions and "
+        "takes a second to make",
+    )
+    table_rotation: FloatProperty(
+        update=_changed,
+        name="Rotation",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        description="Turns of the tangent about the normal",
+    )
+    table_color: FloatVectorProperty(
+        update=_changed,
+        name="Color",
+        subtype="COLOR",
+        size=3,
+        default=(1.0, 1.0, 1.0),
+        min=0.0,
+        max=1.0,
+        description="Factor on the table's reflectance",
     )
 
 

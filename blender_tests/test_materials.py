@@ -113,6 +113,55 @@ def test_ward_is_a_setting_of_its_own(scene):
     assert 0.3 < picture[16, 16, 0] < 0.8
 
 
+def tabulated(scene, **settings):
+    created = scenes.material("ShaderNodeBsdfDiffuse", Color=(0, 0, 0))
+    one_sphere(scene, created, uniform=True)
+    created.skytree.use_table = True
+    for name, value in settings.items():
+        setattr(created.skytree, name, value)
+    return created
+
+
+@pytest.mark.parametrize("source", ["GGX", "WARD"])
+def test_table_of_a_model_is_a_setting_of_its_own(scene, source):
+    tabulated(scene, table_source=source, table_color=(0.6, 0.3, 0.6))
+    picture = scenes.render_skytree(scene, 32)
+    np.testing.assert_allclose(picture[16, 16, :3], (0.6, 0.3, 0.6), rtol=0.15)
+
+
+def merl_bytes(albedo):
+    values = np.empty((3, 90 * 90 * 180))
+    values[:] = np.divide(albedo, np.pi * np.array((1, 1.15, 1.66)) / 1500)[:, None]
+    return np.array((90, 90, 180), np.int32).tobytes() + values.tobytes()
+
+
+def test_merl_file_is_shown(scene, tmp_path):
+    path = tmp_path / "paint.binary"
+    path.write_bytes(merl_bytes((0.2, 0.5, 0.8)))
+    tabulated(scene, table_source="MERL", table_file=str(path))
+    picture = scenes.render_skytree(scene, 64)
+    np.testing.assert_allclose(picture[16, 16, :3], (0.2, 0.5, 0.8), rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (merl_bytes((0.5, 0.5, 0.5))[:-1000], "is truncated"),
+        (b"hello", "too short"),
+        (None, "cannot be opened"),
+    ],
+)
+def test_bad_merl_file_is_named_and_shown_grey(scene, skytree, tmp_path, content, problem):
+    path = tmp_path / "broken.binary"
+    if content is not None:
+        path.write_bytes(content)
+    created = tabulated(scene, table_source="MERL", table_file=str(path))
+    picture = scenes.render_skytree(scene, 64)
+    np.testing.assert_allclose(picture[16, 16, :3], 0.8, rtol=0.05)
+    said = scenes.messages(skytree)
+    assert created.name in said and "broken.binary" in said and problem in said
+
+
 def test_slots_follow_faces_and_objects(scene):
     scene.render.resolution_x = scene.render.resolution_y = 32
     _, background = scenes.world_tree(scene)

@@ -134,7 +134,7 @@ def test_panels_draw(scene, skytree):
             if method in vars(cls):
                 vars(cls)[method](stand_in, context)
     assert set(FIXED_SETTINGS) <= set(drawn)
-    assert {"film_transparent", "threads_mode", "use_ward"} <= set(drawn)
+    assert {"film_transparent", "threads_mode", "use_ward", "use_table"} <= set(drawn)
 
 
 def test_panels_show_figures_of_the_last_build(scene, skytree):

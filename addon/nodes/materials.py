@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ..brdf_tables import brdf_spec
 from ..images import ImageStore
 from ..messages import Messages
 from ..version import uses_nodes
@@ -40,6 +41,18 @@ def read_material(material, store: ImageStore, messages: Messages) -> MaterialCl
     if material is None:
         return default_material()
     settings = getattr(material, "skytree", None)
+    if settings is not None and settings.use_table:
+        return MaterialClosures(
+            [
+                {
+                    "type": "TABULATED",
+                    "weight": 1.0,
+                    "brdf": brdf_spec(material),
+                    "color": tuple(settings.table_color),
+                    "rotation": settings.table_rotation,
+                }
+            ]
+        )
     if settings is not None and settings.use_ward:
         return MaterialClosures(
             [

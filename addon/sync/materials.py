@@ -6,9 +6,10 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+from ..brdf_tables import BrdfSpec
 from ..images import ImageStore, identity_of
 from ..messages import Messages
-from ..nodes.materials import MaterialClosures, default_material, read_material
+from ..nodes.materials import DEFAULT_COLOR, MaterialClosures, default_material, read_material
 from ..nodes.textures import TextureSpec
 
 
@@ -16,7 +17,7 @@ from ..nodes.textures import TextureSpec
 class _Entry:
     native: int
     read: MaterialClosures
-    textures: set[TextureSpec] = field(default_factory=set)
+    used: set[TextureSpec | BrdfSpec] = field(default_factory=set)
 
 
 class MaterialSync:
@@ -26,6 +27,7 @@ class MaterialSync:
         self._scene, self._store, self._messages, self._counts = scene, store, messages, counts
         self._entries: dict[int, _Entry] = {}
         self._textures: dict[TextureSpec, int] = {}
+        self._brdfs: dict[BrdfSpec, int] = {}
         self._stale: set[int] = set()
 
     def invalidate(self, identities: set[int] | None = None):
@@ -50,16 +52,16 @@ class MaterialSync:
         )
         name = "default" if material is None else material.name
         if entry is None:
-            textures: set[TextureSpec] = set()
-            native = self._scene.add_material(self._upload(read.closures, textures), name)
-            entry = self._entries[identity] = _Entry(native, read, textures)
+            used: set[TextureSpec | BrdfSpec] = set()
+            native = self._scene.add_material(self._upload(read.closures, used, name), name)
+            entry = self._entries[identity] = _Entry(native, read, used)
             self._counts["materials"] += 1
         elif entry.read != read:
-            textures = set()
-            self._scene.set_material(entry.native, self._upload(read.closures, textures))
-            entry.read, entry.textures = read, textures
+            used = set()
+            self._scene.set_material(entry.native, self._upload(read.closures, used, name))
+            entry.read, entry.used = read, used
             self._counts["materials"] += 1
-            self._drop_unused_textures()
+            self._drop_unused()
         return entry
 
     def native_id(self, material) -> int:
@@ -68,10 +70,16 @@ class MaterialSync:
     def uv_map(self, material) -> str:
         return self.entry(material).read.uv_map
 
-    def _upload(self, closures: list[dict], used: set[TextureSpec]) -> list[dict]:
+    def _upload(self, closures: list[dict], used: set[TextureSpec | BrdfSpec], owner: str) -> list[dict]:
         result = []
         for closure in closures:
             uploaded = {}
+            if "brdf" in closure:
+                brdf = self._brdf(closure["brdf"], used, owner)
+                if brdf is None:
+                    result.append({"type": "DIFFUSE", "weight": closure["weight"], "color": DEFAULT_COLOR})
+                    continue
+                closure = {**closure, "brdf": brdf}
             for name, value in closure.items():
                 if isinstance(value, TextureSpec):
                     value = self._texture(value, used)
@@ -81,7 +89,18 @@ class MaterialSync:
             result.append(uploaded)
         return result
 
-    def _texture(self, spec: TextureSpec, used: set[TextureSpec]) -> int | None:
+    def _brdf(self, spec: BrdfSpec, used: set[TextureSpec | BrdfSpec], owner: str) -> int | None:
+        used.add(spec)
+        if spec not in self._brdfs:
+            try:
+                brdf = spec.build()
+            except RuntimeError as error:
+                self._messages.warn(f'Material "{owner}": {error}. It is shown as a grey diffuse surface')
+                return None
+            self._brdfs[spec] = self._scene.add_brdf(brdf)
+        return self._brdfs[spec]
+
+    def _texture(self, spec: TextureSpec, used: set[TextureSpec | BrdfSpec]) -> int | None:
         used.add(spec)
         if spec not in self._textures:
             try:
@@ -98,7 +117,9 @@ class MaterialSync:
             self._counts["textures"] += 1
         return self._textures[spec]
 
-    def _drop_unused_textures(self):
-        used = set().union(*(entry.textures for entry in self._entries.values()))
+    def _drop_unused(self):
+        used = set().union(*(entry.used for entry in self._entries.values()))
         for spec in [spec for spec in self._textures if spec not in used]:
             self._scene.remove_texture(self._textures.pop(spec))
+        for spec in [spec for spec in self._brdfs if spec not in used]:
+            self._scene.remove_brdf(self._brdfs.pop(spec))

@@ -86,8 +86,8 @@ SKY_HD BsdfValue eval_rough_diffuse(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   return {(lobe.weight * single + lobe.f0 * (lost * kInvPi)) * cos_i, cos_i * kInvPi};
 }
 
-/// Not inlined: the table's code would cost all the other lobes registers.
-SKY_HD_NOINLINE BsdfValue eval_table(const Lobe& lobe, Vec3 wo, Vec3 wi) {
+/// A call on a device, as few surfaces have tables.
+SKY_HD_RARE BsdfValue eval_table(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   const Vec3 o = to_local(lobe, wo);
   const Vec3 i = to_local(lobe, wi);
   if (o.z <= 0.0f || i.z <= 0.0f) return {{0, 0, 0}, 0.0f};
@@ -95,7 +95,7 @@ SKY_HD_NOINLINE BsdfValue eval_table(const Lobe& lobe, Vec3 wo, Vec3 wi) {
   return {lobe.weight * f * i.z, brdf_pdf(*lobe.table, o, i)};
 }
 
-SKY_HD_NOINLINE Vec3 sample_table(const Lobe& lobe, Vec3 wo, Vec2 u) {
+SKY_HD_RARE Vec3 sample_table(const Lobe& lobe, Vec3 wo, Vec2 u) {
   const Vec3 o = to_local(lobe, wo);
   return normalize(to_world(lobe, brdf_sample(*lobe.table, {o.x, o.y, maxf(o.z, 0.0f)}, u)));
 }

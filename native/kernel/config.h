@@ -5,7 +5,6 @@
 
 #if defined(__CUDACC__)
 #define SKY_HD static __host__ __device__ inline
-#define SKY_HD_NOINLINE static __host__ __device__ __noinline__
 // What few surfaces need: a call on a device. Inlined, its registers would be every path's, who
 // would spill others for them (docs/cuda.md).
 #define SKY_HD_RARE static __host__ __device__ __noinline__
@@ -13,7 +12,6 @@
 // static: the host compiles these headers for several instruction sets, and of equal functions the
 // linker would keep any one, with instructions that the processor may lack.
 #define SKY_HD static inline
-#define SKY_HD_NOINLINE [[maybe_unused]] static __attribute__((noinline))
 #define SKY_HD_RARE static inline
 #endif
 

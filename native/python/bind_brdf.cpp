@@ -116,7 +116,7 @@ FloatArray require_condition(const NdKdTree& tree, const py::object& condition, 
   if (tree.condition_count() == 0) {
     if (!condition.is_none())
       throw std::invalid_argument("condition: this tree has no conditional dimensions");
-    return FloatArray({rows, py::ssize_t(0)});
+    return FloatArray(std::vector<py::ssize_t>{rows, 0});
   }
   if (condition.is_none()) {
     throw std::invalid_argument("condition (n, " + std::to_string(tree.condition_count()) +
@@ -357,8 +357,8 @@ tables, two else) it draws a half vector. Ergun, Kurt, Ozturk, SCCG 2012, in 3 o
            }),
            "table"_a, "block_count"_a = 0, "slice_count"_a = 0,
            "split_criterion"_a = "MIN_VARIANCE", "block_probability"_a = "MIN_VARIANCE",
-           py::kw_only(), "uniform_share"_a = 0.05,
-           "block_count 0: 2048, or 8192 for anisotropic tables; slice_count 0: 24, or 96. The "
+           py::kw_only(), "uniform_share"_a = 0.01,
+           "block_count 0: 2048, or 8192 for anisotropic tables; slice_count 0: 12, or 96. The "
            "rest as in "
            "NdKdTreeSampler.")
       .def("sample", &brdf_sample_rows, "wo"_a, "u"_a, R"(

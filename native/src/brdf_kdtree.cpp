@@ -90,7 +90,7 @@ NdKdTree build_tree(const BrdfTablePointer& table, BrdfKdTreeConfig config, doub
   const bool isotropic = table->isotropic();
   if (config.tree.block_count == 0) config.tree.block_count = isotropic ? 2048 : 8192;
   if (config.tree.slice_count == 0) {
-    config.tree.slice_count = std::min(isotropic ? 24 : 96, config.tree.block_count);
+    config.tree.slice_count = std::min(isotropic ? 12 : 96, config.tree.block_count);
   }
   NdKdTree tree(importance_grid(table->view()), isotropic ? 1 : 2, config.tree);
   *seconds = watch.seconds();

@@ -12,9 +12,11 @@ struct BrdfKdTreeConfig {
   NdKdTreeConfig tree;
   BrdfKdTreeConfig() {
     tree.block_count = 0;  // 0: 2048, or 8192 for an anisotropic table
-    tree.slice_count = 0;  // 0: 24, or 96
+    tree.slice_count = 0;  // 0: 12, or 96
     tree.split_criterion = SplitCriterion::MIN_VARIANCE;
     tree.block_probability = BlockProbability::MIN_VARIANCE;
+    // Less than for maps: a lobe is nearly all of its light, and what is spread is lost to it.
+    tree.uniform_share = 0.01;
   }
 };
 
