@@ -23,6 +23,7 @@ class _ComparePanel:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
+        _draw_progress(layout)
         layout.prop(compared, "mode", text="Viewport")
         column = layout.column()
         if compared.mode == "SPLIT":
@@ -39,6 +40,16 @@ class _ComparePanel:
         column = layout.column()
         column.prop(compared, "clock")
         column.prop(compared, "samples" if compared.clock == "SAMPLES" else "seconds")
+
+
+def _draw_progress(layout):
+    """Of a report that is being made: at the top, since the panel that started it may be closed."""
+    report = background.current()
+    if report is None or report.done:
+        return
+    row = layout.row(align=True)
+    row.label(text=f"Report: {report.progress.text}, {100 * report.progress.fraction:.0f} %", icon="TIME")
+    row.operator("skytree.cancel_report", text="", icon="X")
 
 
 def _draw_side(layout, side, name: str):
@@ -82,13 +93,8 @@ class _ReportPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(compared, "folder", text="Folder")
-        report = background.current()
-        if report is not None and not report.done:
-            row = layout.row(align=True)
-            row.label(text=f"{report.progress.text}: {100 * report.progress.fraction:.0f} %", icon="TIME")
-            row.operator("skytree.cancel_report", text="", icon="X")
-            return
         layout.operator("skytree.compare_report", icon="FILE_TICK")
+        report = background.current()
         if report is not None and report.page is not None:
             layout.operator("skytree.open_report", icon="URL")
         elif report is not None and report.problem:
