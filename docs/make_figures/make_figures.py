@@ -53,13 +53,18 @@ def main() -> int:
             console.print(f"Wrote {page}", highlight=False)
             return 0
         failed = make_all(arguments, maps, console)
+    except KeyboardInterrupt:
+        console.print(
+            "Stopped. What is finished is kept; the same command goes on from there.", highlight=False
+        )
+        return 130
     except (MapError, pages.PageError) as error:
         console.print(f"figures: {error}", style="red", markup=False, highlight=False)
         return 1
-    minutes = (time.monotonic() - started) / 60
+    minutes, worked = (time.monotonic() - started) / 60, time.process_time() / 60
     console.print(
         f"{len(arguments.only) - failed} of {len(arguments.only)} figures are in {arguments.out} "
-        f"({minutes:.1f} minutes).",
+        f"({minutes:.1f} minutes, {worked:.1f} of processor time).",
         highlight=False,
     )
     return 1 if failed else 0

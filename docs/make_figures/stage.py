@@ -16,7 +16,7 @@ CHROME_STEEL = {"type": "GLOSSY", "color": (0.62, 0.63, 0.64), "roughness": 0.18
 TABLE = {"type": "DIFFUSE", "color": (0.36, 0.34, 0.32)}
 # A figure compares how the environment is sampled and nothing else: one light sample and one BSDF sample
 # at each vertex, combined by the balance heuristic. What else a session can do against noise is switched off.
-PLAIN_ESTIMATOR: dict = {}
+PLAIN_ESTIMATOR: dict = {}  # which are the session's defaults
 # The rival (its search guided by a table, or binary as the paper's may have been), the paper's setting (SCCG
 # 2012) and Skytree's default; see docs/method.md.
 METHODS = {
@@ -110,7 +110,8 @@ class Stage:
             sampler=sampler,
             **(PLAIN_ESTIMATOR | options),
         )
-        session.wait(1e9)
+        while not session.wait(0.5):
+            pass  # so that Ctrl-C is heard
         if session.error or session.warning:
             raise RuntimeError(session.error or session.warning)
         stats = session.stats
