@@ -31,6 +31,8 @@ class SamplerSettings:
     block_count: int = 1024
     split_criterion: str = "MIN_VARIANCE"
     block_probability: str = "MIN_VARIANCE"
+    auto_blocks: bool = False
+    compensation: float = 0.0
 
     @classmethod
     def of(cls, settings) -> SamplerSettings:
@@ -38,7 +40,10 @@ class SamplerSettings:
         key."""
         if settings.sampler != "KDTREE":
             return cls(settings.sampler)
-        return cls("KDTREE", settings.block_count, settings.split_criterion, settings.block_probability)
+        split, probability = settings.split_criterion, settings.block_probability
+        compensation = 0.0 if probability == "FITTED" else settings.compensation
+        count = cls.block_count if settings.auto_blocks else settings.block_count
+        return cls("KDTREE", count, split, probability, settings.auto_blocks, compensation)
 
 
 @dataclass
@@ -176,7 +181,11 @@ def make_sampler(image: np.ndarray | None, settings: SamplerSettings):
     if settings.sampler == "ALIAS":
         return core.AliasSampler(image)
     return core.KdTreeSampler(
-        image, settings.block_count, settings.split_criterion, settings.block_probability
+        image,
+        "AUTO" if settings.auto_blocks else settings.block_count,
+        settings.split_criterion,
+        settings.block_probability,
+        compensation=settings.compensation,
     )
 
 

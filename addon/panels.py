@@ -147,9 +147,15 @@ class SKYTREE_WORLD_PT_kdtree(_WorldPanel, bpy.types.Panel):
     def draw(self, context):
         settings = context.scene.skytree
         column = _column(self.layout)
-        column.prop(settings, "block_count")
+        column.prop(settings, "auto_blocks")
+        count = column.column()
+        count.active = not settings.auto_blocks
+        count.prop(settings, "block_count")
         column.prop(settings, "split_criterion")
         column.prop(settings, "block_probability")
+        compensation = column.column()
+        compensation.active = settings.block_probability != "FITTED"
+        compensation.prop(settings, "compensation")
 
 
 class SKYTREE_WORLD_PT_figures(_WorldPanel, bpy.types.Panel):

@@ -18,6 +18,8 @@ BUILT_IN = {
         {
             "sampler": "KDTREE",
             "block_count": 1024,
+            "auto_blocks": False,
+            "compensation": 0.0,
             "split_criterion": "MIN_VARIANCE",
             "block_probability": "MIN_VARIANCE",
             "pixel_filter": "BLACKMAN_HARRIS",
@@ -27,7 +29,14 @@ BUILT_IN = {
     "PAPER": (
         "Paper",
         "As in Ergun, Kurt and Ozturk 2012: blocks by squared error, the fitted probability model",
-        {"sampler": "KDTREE", "block_count": 1024, "split_criterion": "SSE", "block_probability": "FITTED"},
+        {
+            "sampler": "KDTREE",
+            "block_count": 1024,
+            "auto_blocks": False,
+            "compensation": 0.0,
+            "split_criterion": "SSE",
+            "block_probability": "FITTED",
+        },
     ),
     "INVERSION": (
         "Inversion",
@@ -75,6 +84,8 @@ class SKYTREE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "max_bounces",
             "sampler",
             "block_count",
+            "auto_blocks",
+            "compensation",
             "split_criterion",
             "block_probability",
             "pixel_filter",

@@ -112,7 +112,25 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         min=1,
         soft_max=8192,
         max=1 << 20,
-        description="Blocks that the kd-tree cuts the map into; 1024 need less than 48 KB for any map",
+        description="Blocks that the kd-tree cuts the map into; 1024 need about 50 KB for any map",
+    )
+    auto_blocks: BoolProperty(
+        update=_changed,
+        name="Auto",
+        default=False,
+        description="As many blocks, up to 4096, as bring the noise within a few per cent of what more would "
+        "give. Needs Minimum Variance for split and probability; the paper's blocks stay 1024",
+    )
+    compensation: FloatProperty(
+        update=_changed,
+        name="Compensation",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        description="How much of the map's even light is left to the rays that surfaces reflect, so that "
+        "light samples go where the map is brighter than its mean (MIS compensation). Without effect "
+        "on fitted probabilities",
     )
     split_criterion: EnumProperty(
         update=_changed,

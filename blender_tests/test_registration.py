@@ -18,6 +18,8 @@ FIXED_SETTINGS = {
     "block_count": 1024,
     "split_criterion": "MIN_VARIANCE",
     "block_probability": "MIN_VARIANCE",
+    "auto_blocks": False,
+    "compensation": 0.0,
     "pixel_filter": "BLACKMAN_HARRIS",
     "filter_width": 1.5,
 }

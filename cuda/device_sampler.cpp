@@ -11,9 +11,11 @@ void for_each_table(EnvSamplerView* view, Visit visit) {
     case EnvSamplerType::UNIFORM:
       return;
     case EnvSamplerType::KDTREE_RANK:
-    case EnvSamplerType::KDTREE_WARP: {
+    case EnvSamplerType::KDTREE_WARP:
+    case EnvSamplerType::KDTREE_LINEAR: {
       KdTreeView& tree = view->kdtree;
       const size_t inner = tree.inner_count, blocks = inner + 1;
+      visit(&tree.linear_blocks, blocks);
       visit(&tree.warps, blocks);
       visit(&tree.pdf, blocks);
       visit(&tree.warp_origins, blocks);

@@ -55,7 +55,8 @@ class Method:
         if self.sampler.sampler != "KDTREE":
             return name
         split, probability = SHORT[self.sampler.split_criterion], SHORT[self.sampler.block_probability]
-        return f"{name} {self.sampler.block_count}, {split} / {probability}"
+        count = "auto" if self.sampler.auto_blocks else self.sampler.block_count
+        return f"{name} {count}, {split} / {probability}"
 
     @property
     def settings(self) -> dict:
@@ -66,7 +67,8 @@ class Method:
             return {"method": self.sampler.sampler}
         return {
             "method": "KDTREE",
-            "block_count": self.sampler.block_count,
+            "block_count": "AUTO" if self.sampler.auto_blocks else self.sampler.block_count,
+            "compensation": self.sampler.compensation,
             "split_criterion": self.sampler.split_criterion,
             "block_probability": self.sampler.block_probability,
         }

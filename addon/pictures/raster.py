@@ -41,7 +41,9 @@ def rectangle_borders(mask: np.ndarray, boxes: np.ndarray) -> None:
     """Sets to 1 the borders of boxes (n,4) = x0, y0, x1, y1 in pixels of a mask (H,W)."""
     height, width = mask.shape
     x0, y0, x1, y1 = np.round(boxes).astype(np.int64).T
-    x1, y1 = np.minimum(x1, width - 1), np.minimum(y1, height - 1)
+    # Blocks of cells reach half a texel over the right edge, where the map wraps.
+    x0, x1 = np.minimum(x0, width - 1), np.minimum(x1, width - 1)
+    y0, y1 = np.minimum(y0, height - 1), np.minimum(y1, height - 1)
     for left, top, right, bottom in zip(x0, y0, x1, y1, strict=True):
         mask[top : bottom + 1, [left, right]] = 1.0
         mask[[top, bottom], left : right + 1] = 1.0

@@ -151,7 +151,9 @@ def blocks(image: np.ndarray, bounds: np.ndarray, title: str, width: int = 2048)
     lines = Image.new("L", picture.size, 0)
     draw = ImageDraw.Draw(lines)
     for x0, y0, x1, y1 in bounds * scale:
-        draw.rectangle((x0, y0, min(x1, width - 1), min(y1, height - 1)), outline=190)
+        # Blocks of cells reach half a texel over the right edge, where the map wraps.
+        right, bottom = min(x1, width - 1), min(y1, height - 1)
+        draw.rectangle((min(x0, right), min(y0, bottom), right, bottom), outline=190)
     picture.paste((225, 30, 60), mask=lines)
     return _titled(picture, title)
 

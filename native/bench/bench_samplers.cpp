@@ -21,14 +21,15 @@ using testing::Map;
 enum Method {
   KDTREE_FITTED,
   KDTREE_MIN_VARIANCE,
+  KDTREE_LINEAR,
   INVERSION_BINARY,
   INVERSION_GUIDED,
   ALIAS,
   UNIFORM
 };
-constexpr const char* kNames[] = {
-    "kdtree_fitted", "kdtree_min_variance", "inversion_binary", "inversion_guided", "alias",
-    "uniform"};
+constexpr const char* kNames[] = {"kdtree_fitted",    "kdtree_min_variance", "kdtree_linear",
+                                  "inversion_binary", "inversion_guided",    "alias",
+                                  "uniform"};
 
 const Map& map_of_width(int width) {
   static std::map<int, std::unique_ptr<Map>> maps;
@@ -37,8 +38,10 @@ const Map& map_of_width(int width) {
   return *map;
 }
 
-KdTreeConfig config_of(SplitCriterion criterion, BlockProbability probability) {
+KdTreeConfig config_of(SplitCriterion criterion, BlockProbability probability,
+                       BlockDensity density = BlockDensity::CONSTANT) {
   KdTreeConfig config;
+  config.block_density = density;
   config.split_criterion = criterion;
   config.block_probability = probability;
   return config;
@@ -51,6 +54,10 @@ std::unique_ptr<EnvironmentSampler> make_sampler(Method method, const LatLongIma
     case KDTREE_MIN_VARIANCE:
       return std::make_unique<KdTreeSampler>(
           image, config_of(SplitCriterion::MIN_VARIANCE, BlockProbability::MIN_VARIANCE));
+    case KDTREE_LINEAR:
+      return std::make_unique<KdTreeSampler>(
+          image, config_of(SplitCriterion::MIN_VARIANCE, BlockProbability::MIN_VARIANCE,
+                           BlockDensity::LINEAR));
     case INVERSION_BINARY:
       return std::make_unique<InversionSampler>(image, false);
     case INVERSION_GUIDED:
@@ -135,8 +142,8 @@ void register_build(const std::string& name, int width, Make make) {
 
 const bool registered = [] {
   for (int width : {1024, 2048, 4096, 8192}) {
-    for (Method method :
-         {KDTREE_FITTED, KDTREE_MIN_VARIANCE, INVERSION_BINARY, INVERSION_GUIDED, ALIAS, UNIFORM}) {
+    for (Method method : {KDTREE_FITTED, KDTREE_MIN_VARIANCE, KDTREE_LINEAR, INVERSION_BINARY,
+                          INVERSION_GUIDED, ALIAS, UNIFORM}) {
       const std::string suffix = std::string(kNames[method]) + "/" + std::to_string(width);
       benchmark::RegisterBenchmark(("sample/" + suffix).c_str(), sample, method, width);
       benchmark::RegisterBenchmark(("pdf/" + suffix).c_str(), density, method, width);
@@ -157,7 +164,7 @@ const bool registered = [] {
         return std::make_unique<KdTreeSampler>(image, config);
       });
     }
-    for (Method method : {INVERSION_BINARY, INVERSION_GUIDED, ALIAS}) {
+    for (Method method : {KDTREE_LINEAR, INVERSION_BINARY, INVERSION_GUIDED, ALIAS}) {
       register_build(kNames[method], width,
                      [method](const LatLongImage& image) { return make_sampler(method, image); });
     }

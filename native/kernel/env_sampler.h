@@ -10,8 +10,9 @@ namespace skytree {
 
 enum class EnvSamplerType : int32_t {
   UNIFORM,
-  KDTREE_RANK,  // block by the fitted model of ranks (the paper's)
-  KDTREE_WARP,  // block by the warp down the tree
+  KDTREE_RANK,    // block by the fitted model of ranks (the paper's)
+  KDTREE_WARP,    // block by the warp down the tree
+  KDTREE_LINEAR,  // the same with linear density in a block
   INVERSION_GUIDED,
   INVERSION_BINARY,
   ALIAS
@@ -47,6 +48,13 @@ SKY_HD DirectionSample sample_kdtree_warp(const KdTreeView& tree, Vec3 u) {
   const int32_t block = choose_block_by_warp(tree, u.y, u.z);
   const Vec2 origin = tree.warp_origins[block];
   return {direction_in_block(tree.warps[block], u.y - origin.x, u.z - origin.y), tree.pdf[block]};
+}
+
+SKY_HD DirectionSample sample_kdtree_linear(const KdTreeView& tree, Vec3 u) {
+  const LinearBlock& block = tree.linear_blocks[choose_block_by_warp(tree, u.y, u.z)];
+  const Vec3 direction = sample_linear_block(block, tree.cell_width, u.y, u.z);
+  return {direction, linear_block_pdf(block, tree.cell_width,
+                                      cell_azimuth(direction, tree.cell_width), direction)};
 }
 
 SKY_HD float inversion_pdf(const InversionView& table, int32_t x, int32_t y) {
@@ -90,6 +98,8 @@ SKY_HD DirectionSample sample_environment(const EnvSamplerView& sampler, Vec3 u)
       return sample_kdtree_rank(sampler.kdtree, u);
     case EnvSamplerType::KDTREE_WARP:
       return sample_kdtree_warp(sampler.kdtree, u);
+    case EnvSamplerType::KDTREE_LINEAR:
+      return sample_kdtree_linear(sampler.kdtree, u);
     case EnvSamplerType::INVERSION_GUIDED:
       return sample_inversion(sampler.inversion, u, true);
     case EnvSamplerType::INVERSION_BINARY:
@@ -108,6 +118,8 @@ SKY_HD float environment_pdf(const EnvSamplerView& sampler, Vec3 direction) {
     case EnvSamplerType::KDTREE_RANK:
     case EnvSamplerType::KDTREE_WARP:
       return kdtree_pdf(sampler.kdtree, direction);
+    case EnvSamplerType::KDTREE_LINEAR:
+      return linear_kdtree_pdf(sampler.kdtree, direction);
     case EnvSamplerType::INVERSION_GUIDED:
     case EnvSamplerType::INVERSION_BINARY:
       latlong_texel(direction, sampler.inversion.width, sampler.inversion.height, &x, &y);

@@ -13,6 +13,7 @@
 #pragma once
 
 #include "kernel/latlong.h"
+#include "kernel/linear_blocks.h"
 #include "kernel/rank_model.h"
 
 namespace skytree {
@@ -28,8 +29,9 @@ struct alignas(16) BlockWarp {  // one load on a GPU
 /// Inner nodes come first in the numbering (the root is 0), block b is node inner_count + b. With
 /// one block there is no inner node.
 struct KdTreeView {
-  const BlockWarp* warps;  // per block
-  const float* pdf;        // per block, per steradian
+  const LinearBlock* linear_blocks;  // per block; null: constant blocks, by the next three
+  const BlockWarp* warps;            // per block
+  const float* pdf;                  // per block, per steradian
   const Vec2*
       warp_origins;  // per block: lower corner in (u.y, u.z); null: blocks are chosen by rank
   const int32_t*
@@ -41,6 +43,7 @@ struct KdTreeView {
       start_grid;  // kStartColumns x kStartRows over (u, cos theta): where to start locating
   const uint16_t* warp_grid;  // kWarpGrid^2 over (u.y, u.z): where to start sampling; null: by rank
   RankModel ranks;
+  float cell_width;  // in turns, of linear blocks
   int32_t inner_count;
 };
 
@@ -53,9 +56,8 @@ SKY_HD int32_t next_node(uint32_t children, bool second) {
   return (int32_t)(second ? children >> 16 : children & 0xffffu);
 }
 
-/// Block that a unit direction lies in.
-SKY_HD int32_t locate_block(const KdTreeView& tree, Vec3 direction) {
-  const float u = latlong_u(direction);
+/// Block that a unit direction lies in; u is the azimuth in the frame of the tree's grid, in turns.
+SKY_HD int32_t locate_block(const KdTreeView& tree, float u, Vec3 direction) {
   const int column = (int)minf(maxf(u, 0.0f) * kStartColumns, kStartColumns - 1);
   const int row = (int)minf(maxf(1.0f - direction.z, 0.0f) * (0.5f * kStartRows), kStartRows - 1);
   const int32_t azimuth = azimuth_key(u);
@@ -69,8 +71,18 @@ SKY_HD int32_t locate_block(const KdTreeView& tree, Vec3 direction) {
   return node - tree.inner_count;
 }
 
+SKY_HD int32_t locate_block(const KdTreeView& tree, Vec3 direction) {
+  return locate_block(tree, latlong_u(direction), direction);
+}
+
 SKY_HD float kdtree_pdf(const KdTreeView& tree, Vec3 direction) {
   return tree.pdf[locate_block(tree, direction)];
+}
+
+SKY_HD float linear_kdtree_pdf(const KdTreeView& tree, Vec3 direction) {
+  const float u = cell_azimuth(direction, tree.cell_width);
+  return linear_block_pdf(tree.linear_blocks[locate_block(tree, u, direction)], tree.cell_width, u,
+                          direction);
 }
 
 /// Direction at offsets (r, s) in a block.

@@ -2,8 +2,7 @@
 #include "src/image_statistics.h"
 
 #include <algorithm>
-
-#include "src/moment_rows.h"
+#include <cmath>
 
 namespace skytree {
 namespace {
@@ -21,15 +20,54 @@ struct StripSums {
   std::vector<double> prefix;  // over tiles, for each row of the strip
 };
 
+/// Weights of a cell in row y, by Gauss and Legendre with 3 points a piece of at most an eighth of
+/// a turn. Between the pole and the first centres the map is level: both rows are the same there.
+CellRow make_cell_row(const TreeGrid& grid, int y) {
+  constexpr double kPiDouble = 3.14159265358979323846;
+  const double scale = kPiDouble / (2 * grid.height);
+  const double from = scale * grid.half_texels(y), to = scale * grid.half_texels(y + 1);
+  CellRow row;
+  constexpr double kPoints[] = {0.5 - 0.3872983346207417, 0.5, 0.5 + 0.3872983346207417};
+  constexpr double kWeights[] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+  constexpr int kPieces = 4;
+  for (int piece = 0; piece < kPieces; ++piece) {
+    for (int i = 0; i < 3; ++i) {
+      const double f = (piece + kPoints[i]) / kPieces;
+      const double w = 2.0 * kPiDouble / grid.width * kWeights[i] * (to - from) / kPieces *
+                       std::sin(from + f * (to - from));
+      row.upper += w * (1 - f);
+      row.lower += w * f;
+      row.upper_square += w * (1 - f) * (1 - f);
+      row.product += w * f * (1 - f);
+      row.lower_square += w * f * f;
+    }
+  }
+  return row;
+}
+
 }  // namespace
 
 ImageStatistics::ImageStatistics(const LatLongImage& image, Statistics statistics,
                                  const std::function<void(double)>& keep_going)
-    : plane_(image.width, image.height), statistics_(statistics) {
-  row_weights_ = statistics == Statistics::PIXELS ? std::vector<double>(image.height, 1.0)
-                                                  : row_solid_angles(image.width, image.height);
-  cumulative_rows_.assign(image.height + 1, 0.0);
-  for (int y = 0; y < image.height; ++y) {
+    : plane_(image.width, image.height),
+      statistics_(statistics),
+      grid_{image.width, image.height, statistics == Statistics::CELLS} {
+  switch (statistics) {
+    case Statistics::PIXELS:
+      row_weights_.assign(image.height, 1.0);
+      break;
+    case Statistics::RADIANCE:
+      row_weights_ = row_solid_angles(image.width, image.height);
+      break;
+    case Statistics::CELLS:
+      for (int y = 0; y < grid_.rows(); ++y) {
+        cell_rows_.push_back(make_cell_row(grid_, y));
+        row_weights_.push_back(cell_rows_.back().solid_angle());
+      }
+      break;
+  }
+  cumulative_rows_.assign(grid_.rows() + 1, 0.0);
+  for (int y = 0; y < grid_.rows(); ++y) {
     cumulative_rows_[y + 1] = cumulative_rows_[y] + row_weights_[y];
   }
   build(image, keep_going);
@@ -41,7 +79,7 @@ int32_t ImageStatistics::border(int axis, int index) const {
 
 void ImageStatistics::build(const LatLongImage& image,
                             const std::function<void(double)>& keep_going) {
-  const int width = image.width, height = image.height;
+  const int width = image.width, height = grid_.rows();
   const int columns = (width + kTile - 1) / kTile, rows = (height + kTile - 1) / kTile;
   for (auto& quantity : tables_) {
     quantity[0] = LargeArray<double>((size_t)(rows + 1) * (width + 1));
@@ -59,7 +97,8 @@ void ImageStatistics::build(const LatLongImage& image,
     const int first = strip * kTile, last = std::min(first + kTile, height);
     for (StripSums& s : sums) std::fill(s.strip.begin(), s.strip.end(), 0.0f);
     for (int y = first; y < last; ++y) {
-      if (y + 1 < height) plane_.read_row(image, y + 1, &bad_);
+      const int ahead = y + (grid_.cells ? 0 : 1);
+      if (ahead > 0 && ahead < image.height) plane_.read_row(image, ahead, &bad_);
       for (Quantity quantity : {Quantity::POWER, Quantity::SQUARE}) {
         StripSums& s = sums[(int)quantity];
         moments_of_row(0, y, width, quantity, s.values.data());
@@ -91,6 +130,9 @@ void ImageStatistics::moments_of_row(int x, int y, int count, Quantity quantity,
   const float* centre = plane_.row(y) + x;
   if (statistics_ == Statistics::PIXELS) {
     (quantity == Quantity::POWER ? pixel_power : pixel_square)(centre, count, out);
+  } else if (statistics_ == Statistics::CELLS) {
+    const auto moments = quantity == Quantity::POWER ? cell_power : cell_square;
+    moments(plane_.row(y - 1) + x, centre, count, cell_rows_[y], out);
   } else {
     const auto moments = quantity == Quantity::POWER ? interpolated_power : interpolated_square;
     moments(plane_.row(y - 1) + x, centre, plane_.row(y + 1) + x, count, (float)row_weights_[y],

@@ -17,14 +17,17 @@
 #include <vector>
 
 #include "src/luminance_plane.h"
+#include "src/moment_rows.h"
+#include "src/tree_grid.h"
 
 namespace skytree {
 
-/// What is measured of a texel.
+/// What is measured.
 enum class Statistics {
   RADIANCE,  ///< weighted by solid angle; L as the renderer looks it up, interpolated between texel
              ///< centres
   PIXELS,    ///< the paper's: every pixel counts alike, with its own value
+  CELLS,     ///< as RADIANCE, but of cells between texel centres (TreeGrid) in place of texels
 };
 
 /// What is summed: L or L^2.
@@ -36,7 +39,8 @@ struct Moments {
 };
 
 inline Moments operator+(Moments a, Moments b) { return {a.power + b.power, a.square + b.square}; }
-/// Texels [lo[0], hi[0]) x [lo[1], hi[1]); axis 0 is x, axis 1 is y.
+
+/// Texels or cells [lo[0], hi[0]) x [lo[1], hi[1]); axis 0 is x, axis 1 is y.
 struct TexelRect {
   int32_t lo[2], hi[2];
 
@@ -53,7 +57,8 @@ class ImageStatistics {
   ImageStatistics(const LatLongImage& image, Statistics statistics,
                   const std::function<void(double done)>& keep_going);
 
-  int extent(int axis) const { return axis == 0 ? plane_.width() : plane_.height(); }
+  const TreeGrid& grid() const { return grid_; }
+  int extent(int axis) const { return axis == 0 ? grid_.columns() : grid_.rows(); }
   Moments sum(const TexelRect& rect) const;
   /// Solid angle in steradians, or the number of pixels.
   double solid_angle(const TexelRect& rect) const {
@@ -74,6 +79,8 @@ class ImageStatistics {
   int32_t border(int axis, int index) const;
 
   const LuminancePlane& luminance() const { return plane_; }
+  /// Statistics::CELLS: the weights of row y.
+  const CellRow& cell_row(int y) const { return cell_rows_[y]; }
   const BadTexels& bad_texels() const { return bad_; }
 
  private:
@@ -91,6 +98,8 @@ class ImageStatistics {
 
   LuminancePlane plane_;
   Statistics statistics_;
+  TreeGrid grid_;
+  std::vector<CellRow> cell_rows_;
   std::vector<double> row_weights_;      // of a texel
   std::vector<double> cumulative_rows_;  // height + 1
   // tables_[quantity][a]: exact along axis a, tile borders along the other; sums from the image's

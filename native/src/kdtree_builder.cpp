@@ -14,6 +14,14 @@ namespace {
 // Reading the image is most of the work.
 constexpr double kShareOfReading = 0.7;
 
+/// Of blocks of cells: the share of all that splitting could ever gain that counts as gained by any
+/// split. What comes to nothing is pruned afterwards.
+constexpr double kHope = 0.1;
+
+void report(const BuildProgress& progress, double done) {
+  if (progress && !progress(done)) throw BuildCancelled();
+}
+
 struct Candidate {
   double variation;
   int32_t node;
@@ -27,12 +35,12 @@ struct Candidate {
 
 class Builder {
  public:
-  Builder(const LatLongImage& image, int block_count, SplitCriterion criterion,
-          Statistics statistics, const BuildProgress& progress)
+  Builder(const ImageStatistics& statistics, int block_count, SplitCriterion criterion,
+          const BuildProgress& progress)
       : block_count_(block_count),
         criterion_(criterion),
         progress_(progress),
-        statistics_(image, statistics, [this](double done) { report(kShareOfReading * done); }) {
+        statistics_(statistics) {
     if (criterion == SplitCriterion::RANGE)
       ranges_ = std::make_unique<RangeTable>(statistics_.luminance());
   }
@@ -52,7 +60,8 @@ class Builder {
       }
       split(candidate);
       if (tree_.block_count % 64 == 0) {
-        report(kShareOfReading + (1 - kShareOfReading) * tree_.block_count / block_count_);
+        report(progress_,
+               kShareOfReading + (1 - kShareOfReading) * tree_.block_count / block_count_);
       }
     }
     tree_.bad_texels = statistics_.bad_texels();
@@ -60,10 +69,6 @@ class Builder {
   }
 
  private:
-  void report(double done) const {
-    if (progress_ && !progress_(done)) throw BuildCancelled();
-  }
-
   void add(const TexelRect& rect, const Moments& moments) {
     const int32_t index = (int32_t)tree_.nodes.size();
     BuildNode node;
@@ -102,7 +107,12 @@ class Builder {
   void push_exact(Candidate candidate) {
     const BuildNode& node = tree_.nodes[candidate.node];
     const double cost = std::sqrt(statistics_.solid_angle(node.rect) * node.moments.square);
-    candidate.variation = worth(cost + candidate.split.score, cost);
+    double gain = cost + candidate.split.score;
+    if (statistics_.grid().cells) {
+      // Light on both sides of a peak is alike, and then no single plane gains anything.
+      gain = std::max(gain, kHope * (cost - node.moments.power));
+    }
+    candidate.variation = worth(gain, cost);
     candidate.exact = true;
     if (candidate.variation > 0) candidates_.push(candidate);
   }
@@ -123,7 +133,7 @@ class Builder {
   const int block_count_;
   const SplitCriterion criterion_;
   const BuildProgress& progress_;
-  const ImageStatistics statistics_;
+  const ImageStatistics& statistics_;
   std::unique_ptr<RangeTable> ranges_;
   std::priority_queue<Candidate> candidates_;
   BuildTree tree_;
@@ -131,9 +141,15 @@ class Builder {
 
 }  // namespace
 
-BuildTree build_kdtree(const LatLongImage& image, int block_count, SplitCriterion criterion,
-                       Statistics statistics, const BuildProgress& progress) {
-  return Builder(image, block_count, criterion, statistics, progress).run();
+ImageStatistics read_statistics(const LatLongImage& image, Statistics statistics,
+                                const BuildProgress& progress) {
+  return ImageStatistics(image, statistics,
+                         [&](double done) { report(progress, kShareOfReading * done); });
+}
+
+BuildTree build_kdtree(const ImageStatistics& statistics, int block_count, SplitCriterion criterion,
+                       const BuildProgress& progress) {
+  return Builder(statistics, block_count, criterion, progress).run();
 }
 
 }  // namespace skytree

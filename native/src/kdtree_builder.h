@@ -38,7 +38,10 @@ struct BuildTree {
 
 /// Fewer blocks come out if no block with variation is left: a constant map stays one block.
 /// Depends on the image and the arguments only; equal variations split in order of creation.
-BuildTree build_kdtree(const LatLongImage& image, int block_count, SplitCriterion criterion,
-                       Statistics statistics, const BuildProgress& progress);
+BuildTree build_kdtree(const ImageStatistics& statistics, int block_count, SplitCriterion criterion,
+                       const BuildProgress& progress);
+/// What the builder reads, with the reading as the first part of the progress.
+ImageStatistics read_statistics(const LatLongImage& image, Statistics statistics,
+                                const BuildProgress& progress);
 
 }  // namespace skytree

@@ -10,68 +10,64 @@
 
 #include "src/block_radiance.h"
 #include "src/stopwatch.h"
+#include "src/tree_pruning.h"
 
 namespace skytree {
 namespace {
 
 constexpr double kPiDouble = 3.14159265358979323846;
-constexpr int32_t kWarpUnits = 1 << 24;
-constexpr float kWarpUnit = 1.0f / (1 << 24);
+
+bool can_be_linear(const KdTreeConfig& config) {
+  return config.split_criterion == SplitCriterion::MIN_VARIANCE &&
+         config.block_probability == BlockProbability::MIN_VARIANCE &&
+         config.statistics == Statistics::RADIANCE;
+}
 
 void check_config(const KdTreeConfig& config) {
-  if (config.block_count < 1 || config.block_count > KdTreeConfig::kLargestBlockCount) {
-    throw std::invalid_argument("block_count is " + std::to_string(config.block_count) +
-                                "; it must be from 1 to " +
-                                std::to_string(KdTreeConfig::kLargestBlockCount));
-  }
-  if (!(config.uniform_share > 0.0 && config.uniform_share <= 1.0)) {
+  if (config.block_count < 0 || config.block_count > KdTreeConfig::kLargestBlockCount) {
     throw std::invalid_argument(
-        "uniform_share is " + std::to_string(config.uniform_share) +
+        "block_count is " + std::to_string(config.block_count) + "; it must be from 1 to " +
+        std::to_string(KdTreeConfig::kLargestBlockCount) + ", or 0 for as many as pay");
+  }
+  const double share = config.uniform_share.value_or(1.0);
+  if (!(share > 0.0 && share <= 1.0)) {
+    throw std::invalid_argument(
+        "uniform_share is " + std::to_string(share) +
         "; it must be above 0 and at most 1, or some directions are never sampled");
   }
+  if (!(config.compensation >= 0.0 && config.compensation <= 1.0)) {
+    throw std::invalid_argument("compensation is " + std::to_string(config.compensation) +
+                                "; it must be from 0 to 1");
+  }
+  if (config.compensation > 0.0 && config.block_probability == BlockProbability::FITTED) {
+    throw std::invalid_argument(
+        "compensation changes the blocks' probabilities; with FITTED they come from the model: "
+        "choose EXACT or MIN_VARIANCE, or compensation 0");
+  }
+  if (config.block_density == BlockDensity::LINEAR && !can_be_linear(config)) {
+    throw std::invalid_argument(
+        "block_density LINEAR needs split_criterion MIN_VARIANCE, block_probability MIN_VARIANCE "
+        "and statistics RADIANCE; choose these, or CONSTANT");
+  }
 }
 
-/// Leaves depth first, the first child (left or top) before the second.
-std::vector<int32_t> leaves_depth_first(const BuildTree& tree) {
-  std::vector<int32_t> leaves, stack = {0};
-  while (!stack.empty()) {
-    const int32_t index = stack.back();
-    stack.pop_back();
-    const int32_t child = tree.nodes[index].first_child;
-    if (child < 0) {
-      leaves.push_back(index);
-    } else {
-      stack.push_back(child + 1);
-      stack.push_back(child);
-    }
-  }
-  return leaves;
-}
-
-/// Deepest node of the finished tree whose region holds a cell; side(node) tells whether the cell
-/// lies before the node's plane
-/// (-1), behind it (1) or across (0).
-template <typename Side>
-uint16_t deepest_node(const std::vector<uint32_t>& children, const Side& side) {
-  int32_t node = 0;
-  while (node < (int32_t)children.size()) {
-    const int where = side(node);
-    if (where == 0) break;
-    node = next_node(children[node], where > 0);
-  }
-  return (uint16_t)node;
+Statistics grid_statistics(const KdTreeConfig& config) {
+  const bool linear = config.block_density != BlockDensity::CONSTANT && can_be_linear(config);
+  return linear ? Statistics::CELLS : config.statistics;
 }
 
 }  // namespace
 
 KdTreeSampler::KdTreeSampler(const LatLongImage& image, const KdTreeConfig& config)
-    : width_(image.width), height_(image.height), statistics_(config.statistics) {
+    : statistics_(config.statistics) {
   const Stopwatch stopwatch;
   check_image(image);
   check_config(config);
-  const BuildTree tree = build_kdtree(image, config.block_count, config.split_criterion,
-                                      config.statistics, config.progress);
-  bad_texels_ = tree.bad_texels;
+  const ImageStatistics statistics =
+      read_statistics(image, grid_statistics(config), config.progress);
+  grid_ = statistics.grid();
+  bad_texels_ = statistics.bad_texels();
+  const BuildTree tree = grow(statistics, config);
   const bool by_rank = config.block_probability == BlockProbability::FITTED;
   std::vector<int32_t> blocks = leaves_depth_first(tree);
   if (by_rank) {
@@ -80,26 +76,106 @@ KdTreeSampler::KdTreeSampler(const LatLongImage& image, const KdTreeConfig& conf
     });
   }
   for (int32_t block : blocks) rects_.push_back(tree.nodes[block].rect);
+  fit_blocks(statistics, tree, blocks);
   set_probabilities(tree, blocks, config);
-  link_nodes(tree, blocks);
-  fill_start_grid();
+  layout_ = KdTreeLayout(tree, blocks, grid_);
   if (by_rank) {
     place_blocks_by_rank();
   } else {
-    place_blocks_by_warp(tree, blocks);
-    fill_warp_grid();
+    warp_layout_ = WarpLayout(tree, blocks, probabilities_, layout_);
+    for (size_t b = 0; b < blocks.size(); ++b) probabilities_[b] = warp_layout_.blocks[b].area();
+    is_linear() ? place_linear_blocks() : place_blocks_by_warp();
   }
   build_seconds_ = stopwatch.seconds();
 }
 
+namespace {
+
+/// How much further than wanted a tree is grown before its weakest branches are taken back.
+constexpr double kOvergrowth = 2.0;
+
+/// Sum over the six axes of the squared irradiance on a plane that faces them, from the middle of
+/// every block.
+double squared_irradiances(const BuildTree& tree, const TreeGrid& grid) {
+  double sums[6] = {};
+  for (const BuildNode& node : tree.nodes) {
+    if (node.first_child >= 0) continue;
+    const double u =
+        grid.azimuth_origin() + 0.5 * (node.rect.lo[0] + node.rect.hi[0]) / (double)grid.columns();
+    const double h = 0.5 * (grid.height_at(node.rect.lo[1]) + grid.height_at(node.rect.hi[1]));
+    const Vec3 d = direction_at_height((float)u, (float)h, false);
+    const double components[] = {d.x, d.y, d.z};
+    for (int axis = 0; axis < 3; ++axis) {
+      sums[2 * axis + (components[axis] < 0)] += node.moments.power * std::abs(components[axis]);
+    }
+  }
+  return std::inner_product(std::begin(sums), std::end(sums), std::begin(sums), 0.0);
+}
+
+/// kAutoBlockCount: the variance of irradiance, averaged over planes that face the six axes, may be
+/// this much above what kLargestAutoBlockCount blocks give. As squared cosines add up to 1 over the
+/// axes, it is the square of the costs' sum less the squared means.
+constexpr double kAutoTolerance = 0.04;
+
+size_t splits_that_pay(const BuildTree& tree, const TreeGrid& grid,
+                       const std::vector<int32_t>& splits, const std::vector<double>& costs,
+                       int largest) {
+  std::vector<double> after = {costs[0]};  // that many splits
+  for (size_t s = 0; s < splits.size() && (int)s < largest - 1; ++s) {
+    const int32_t child = tree.nodes[splits[s]].first_child;
+    after.push_back(after.back() - costs[splits[s]] + costs[child] + costs[child + 1]);
+  }
+  const double least = after.back() * after.back();
+  const double means = std::min(squared_irradiances(tree, grid), least);
+  const double enough = least + kAutoTolerance * (least - means);
+  size_t count = 0;
+  while (count + 1 < after.size() && after[count] * after[count] > enough) ++count;
+  return count;
+}
+
+}  // namespace
+
+BuildTree KdTreeSampler::grow(const ImageStatistics& statistics, const KdTreeConfig& config) const {
+  const bool automatic = config.block_count == KdTreeConfig::kAutoBlockCount;
+  if (!grid_.cells) {
+    const int count = automatic ? KdTreeConfig::kDefaultBlockCount : config.block_count;
+    return build_kdtree(statistics, count, config.split_criterion, config.progress);
+  }
+  const int largest = automatic ? KdTreeConfig::kLargestAutoBlockCount : config.block_count;
+  const int grown = std::min((int)(kOvergrowth * largest), KdTreeConfig::kLargestBlockCount);
+  const BuildTree tree = build_kdtree(statistics, grown, config.split_criterion, config.progress);
+  std::vector<TiltMoments> moments(tree.nodes.size());
+  std::vector<double> costs(tree.nodes.size());
+  for (size_t i = tree.nodes.size(); i-- > 0;) {
+    const int32_t child = tree.nodes[i].first_child;
+    moments[i] = child < 0 ? measure_tilt(statistics, tree.nodes[i].rect, tree.nodes[i].moments)
+                           : moments[child] + moments[child + 1];
+    costs[i] = approximate_cost(statistics, tree.nodes[i].rect, moments[i]);
+  }
+  const std::vector<int32_t> splits = best_splits(tree, costs);
+  const size_t count =
+      automatic ? splits_that_pay(tree, grid_, splits, costs, largest) : largest - 1;
+  return take_splits(tree, splits, count);
+}
+
 double KdTreeSampler::solid_angle(const TexelRect& rect) const {
-  // From the nearer pole, as 1 - (tiny) would lose the digits.
-  const bool southern = height_ - rect.hi[1] < rect.lo[1];
-  const double rise =
-      southern ? height_from_north(height_ - rect.lo[1], height_) -
-                     height_from_north(height_ - rect.hi[1], height_)
-               : height_from_north(rect.hi[1], height_) - height_from_north(rect.lo[1], height_);
-  return 4.0 * kPiDouble * rise * rect.size(0) / width_;
+  return 4.0 * kPiDouble * grid_.rise(rect.lo[1], rect.hi[1]) * rect.size(0) / grid_.columns();
+}
+
+void KdTreeSampler::fit_blocks(const ImageStatistics& statistics, const BuildTree& tree,
+                               const std::vector<int32_t>& blocks) {
+  for (size_t b = 0; b < blocks.size(); ++b) {
+    if (!grid_.cells) {
+      squares_.push_back(tree.nodes[blocks[b]].moments.square);
+      continue;
+    }
+    const TiltMoments moments = measure_tilt(statistics, rects_[b], tree.nodes[blocks[b]].moments);
+    const FittedTilts fitted = fit_tilts(statistics, rects_[b], moments);
+    // As the tables hold them, in 1/32768.
+    tilts_.push_back({std::round(fitted.tilts.along * 32768) / 32768,
+                      std::round(fitted.tilts.down * 32768) / 32768});
+    squares_.push_back(fitted.integral);
+  }
 }
 
 void KdTreeSampler::set_probabilities(const BuildTree& tree, const std::vector<int32_t>& blocks,
@@ -120,37 +196,23 @@ void KdTreeSampler::set_probabilities(const BuildTree& tree, const std::vector<i
   }
   if (config.block_probability == BlockProbability::MIN_VARIANCE) {
     for (size_t b = 0; b < count; ++b) {
-      weights[b] = std::sqrt(solid_angle(rects_[b]) * tree.nodes[blocks[b]].moments.square);
+      weights[b] = std::sqrt(solid_angle(rects_[b]) * squares_[b]);
     }
   }
+  const double mean = std::accumulate(weights.begin(), weights.end(), 0.0) / (4.0 * kPiDouble);
+  for (size_t b = 0; b < count; ++b) {
+    const double even = config.compensation * mean * solid_angle(rects_[b]);
+    weights[b] = std::max(weights[b] - even, 0.0);
+  }
   const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
-  const double share = power > 0 && total > 0 ? config.uniform_share : 1.0;
+  // Of an even map compensation leaves rounding.
+  const bool directed = power > 0 && total > 1e-6 * 4.0 * kPiDouble * mean;
+  const double usual = is_linear() && config.compensation == 0.0 ? 0.005 : 0.05;
+  const double share = directed ? config.uniform_share.value_or(usual) : 1.0;
   for (size_t b = 0; b < count; ++b) {
     const double even = solid_angle(rects_[b]) / (4.0 * kPiDouble);
     probabilities_.push_back(share * even +
                              (share < 1.0 ? (1.0 - share) * weights[b] / total : 0.0));
-  }
-}
-
-void KdTreeSampler::link_nodes(const BuildTree& tree, const std::vector<int32_t>& blocks) {
-  std::vector<uint16_t> numbers(tree.nodes.size());
-  uint16_t inner = 0;
-  for (size_t i = 0; i < tree.nodes.size(); ++i) {
-    if (tree.nodes[i].first_child >= 0) numbers[i] = inner++;
-  }
-  for (size_t b = 0; b < blocks.size(); ++b) numbers[blocks[b]] = (uint16_t)(inner + b);
-  for (const BuildNode& node : tree.nodes) {
-    if (node.first_child < 0) continue;
-    planes_.push_back({node.axis, node.position});
-    children_.push_back(numbers[node.first_child] | (uint32_t)numbers[node.first_child + 1] << 16);
-    if (node.axis == 0) {
-      split_keys_.push_back(azimuth_key((float)((double)node.position / width_)));
-    } else {
-      const bool southern = 2 * (int64_t)node.position > height_;
-      const int nearer = southern ? height_ - node.position : node.position;
-      split_keys_.push_back(elevation_key((float)height_from_north(nearer, height_), southern) |
-                            kElevationSplit);
-    }
   }
 }
 
@@ -169,133 +231,105 @@ void set_azimuth_warp(const TexelRect& rect, int width, BlockWarp* warp) {
 void KdTreeSampler::place_blocks_by_rank() {
   for (size_t b = 0; b < rects_.size(); ++b) {
     BlockWarp warp;
-    set_azimuth_warp(rects_[b], width_, &warp);
-    set_height_warp(rects_[b].lo[1], rects_[b].hi[1], height_, &warp.h_start, &warp.h_slope);
+    set_azimuth_warp(rects_[b], grid_.width, &warp);
+    set_height_warp(rects_[b].lo[1], rects_[b].hi[1], grid_.height, &warp.h_start, &warp.h_slope);
     warps_.push_back(warp);
     pdf_.push_back((float)(probabilities_[b] / solid_angle(rects_[b])));
   }
 }
 
-void KdTreeSampler::place_blocks_by_warp(const BuildTree& tree,
-                                         const std::vector<int32_t>& blocks) {
-  // The unit square of (u.y, u.z) is cut like the map, in proportion to probability, in units of
-  // 2^-24: thresholds are exact in a float, and a block's probability is the area that it really
-  // gets. Every part keeps at least as many units a side as it has blocks, so that no block
-  // vanishes.
-  struct Part {
-    double probability = 0;
-    int32_t block_count = 1;
-    int32_t lo[2] = {0, 0}, hi[2] = {kWarpUnits, kWarpUnits};
-  };
-  std::vector<Part> parts(tree.nodes.size());
-  for (size_t b = 0; b < blocks.size(); ++b) parts[blocks[b]].probability = probabilities_[b];
-  for (size_t i = tree.nodes.size(); i-- > 0;) {
-    const int32_t child = tree.nodes[i].first_child;
-    if (child < 0) continue;
-    parts[i].probability = parts[child].probability + parts[child + 1].probability;
-    parts[i].block_count = parts[child].block_count + parts[child + 1].block_count;
-  }
-  for (size_t i = 0; i < tree.nodes.size(); ++i) {
-    const BuildNode& node = tree.nodes[i];
-    if (node.first_child < 0) continue;
-    Part& first = parts[node.first_child];
-    Part& second = parts[node.first_child + 1];
-    const Part& part = parts[i];
-    const int axis = node.axis;
-    const int32_t extent = part.hi[axis] - part.lo[axis];
-    const int32_t wanted = (int32_t)std::lround(extent * (first.probability / part.probability));
-    const int32_t cut = std::clamp(wanted, first.block_count, extent - second.block_count);
-    for (int a = 0; a < 2; ++a) {
-      first.lo[a] = second.lo[a] = part.lo[a];
-      first.hi[a] = second.hi[a] = part.hi[a];
-    }
-    first.hi[axis] = second.lo[axis] = part.lo[axis] + cut;
-    split_warps_.push_back(kWarpUnit * (float)(part.lo[axis] + cut));
-  }
-  for (size_t b = 0; b < blocks.size(); ++b) {
-    const Part& part = parts[blocks[b]];
-    const double width = (part.hi[0] - part.lo[0]) * (double)kWarpUnit;
-    const double height = (part.hi[1] - part.lo[1]) * (double)kWarpUnit;
-    BlockWarp warp;
-    set_azimuth_warp(rects_[b], width_, &warp);
-    set_height_warp(rects_[b].lo[1], rects_[b].hi[1], height_, &warp.h_start, &warp.h_slope);
-    warp.u_slope = (float)(warp.u_slope / width);
-    warp.h_slope = (float)(warp.h_slope / height);
-    warps_.push_back(warp);
-    warp_origins_.push_back({kWarpUnit * (float)part.lo[0], kWarpUnit * (float)part.lo[1]});
-    probabilities_[b] = width * height;
-    pdf_.push_back((float)(probabilities_[b] / solid_angle(rects_[b])));
+void KdTreeSampler::place_blocks_by_warp() {
+  place_blocks_by_rank();
+  for (size_t b = 0; b < rects_.size(); ++b) {
+    const WarpRect& part = warp_layout_.blocks[b];
+    warps_[b].u_slope = (float)(warps_[b].u_slope / part.extent(0));
+    warps_[b].h_slope = (float)(warps_[b].h_slope / part.extent(1));
+    warp_origins_.push_back({part.origin(0), part.origin(1)});
   }
 }
 
-void KdTreeSampler::fill_start_grid() {
-  // A direction on a cell's border may be rounded into the neighbour: a cell counts as a bit larger
-  // than it is.
-  constexpr double kMargin = 1e-6;
-  for (int row = 0; row < kStartRows; ++row) {
-    for (int column = 0; column < kStartColumns; ++column) {
-      const double lo[2] = {(double)column / kStartColumns - kMargin,
-                            (double)row / kStartRows - kMargin};
-      const double hi[2] = {(double)(column + 1) / kStartColumns + kMargin,
-                            (double)(row + 1) / kStartRows + kMargin};
-      start_grid_.push_back(deepest_node(children_, [&](int32_t node) {
-        const Plane& plane = planes_[node];
-        const double at = plane.axis == 0 ? (double)plane.position / width_
-                                          : height_from_north(plane.position, height_);
-        return hi[plane.axis] <= at ? -1 : lo[plane.axis] >= at ? 1 : 0;
-      }));
-    }
-  }
-}
-
-void KdTreeSampler::fill_warp_grid() {
-  for (int row = 0; row < kWarpGrid; ++row) {
-    for (int column = 0; column < kWarpGrid; ++column) {
-      const float lo[2] = {(float)column / kWarpGrid, (float)row / kWarpGrid};
-      const float hi[2] = {(float)(column + 1) / kWarpGrid, (float)(row + 1) / kWarpGrid};
-      warp_grid_.push_back(deepest_node(children_, [&](int32_t node) {
-        const int axis = planes_[node].axis;
-        const float at = split_warps_[node];
-        return hi[axis] <= at ? -1 : lo[axis] >= at ? 1 : 0;
-      }));
-    }
+void KdTreeSampler::place_linear_blocks() {
+  for (size_t b = 0; b < rects_.size(); ++b) {
+    const TexelRect& rect = rects_[b];
+    const WarpRect& part = warp_layout_.blocks[b];
+    const bool southern = grid_.is_southern(rect.lo[1], rect.hi[1]);
+    const auto code = [](double tilt) { return (uint32_t)(uint16_t)(int16_t)(tilt * 32768); };
+    LinearBlock block;
+    block.columns = (uint32_t)rect.lo[0] | (uint32_t)rect.hi[0] << 16;
+    block.tilts = code(tilts_[b].along) | code(southern ? -tilts_[b].down : tilts_[b].down) << 16;
+    block.h_start =
+        (float)(southern ? grid_.height_from_south(rect.hi[1]) : grid_.height_at(rect.lo[1]));
+    const float rise = (float)grid_.rise(rect.lo[1], rect.hi[1]);
+    block.h_rise = southern ? -rise : rise;
+    block.warp_origin = {part.origin(0), part.origin(1)};
+    block.warp_scale = {(float)(1.0 / part.extent(0)), (float)(1.0 / part.extent(1))};
+    linear_blocks_.push_back(block);
   }
 }
 
 EnvSamplerView KdTreeSampler::view() const {
-  const bool by_warp = !warp_grid_.empty();
+  const auto data = [](const auto& v) { return v.empty() ? nullptr : v.data(); };
   EnvSamplerView view;
-  view.type = by_warp ? EnvSamplerType::KDTREE_WARP : EnvSamplerType::KDTREE_RANK;
+  view.type = is_linear()                  ? EnvSamplerType::KDTREE_LINEAR
+              : !warp_layout_.grid.empty() ? EnvSamplerType::KDTREE_WARP
+                                           : EnvSamplerType::KDTREE_RANK;
   KdTreeView& tree = view.kdtree;
-  tree.warps = warps_.data();
-  tree.pdf = pdf_.data();
-  tree.warp_origins = by_warp ? warp_origins_.data() : nullptr;
-  tree.split_keys = split_keys_.data();
-  tree.split_warps = by_warp ? split_warps_.data() : nullptr;
-  tree.children = children_.data();
-  tree.start_grid = start_grid_.data();
-  tree.warp_grid = by_warp ? warp_grid_.data() : nullptr;
+  tree.linear_blocks = data(linear_blocks_);
+  tree.warps = data(warps_);
+  tree.pdf = data(pdf_);
+  tree.warp_origins = data(warp_origins_);
+  tree.split_keys = layout_.split_keys.data();
+  tree.split_warps = warp_layout_.split_warps.data();
+  tree.children = layout_.children.data();
+  tree.start_grid = layout_.start_grid.data();
+  tree.warp_grid = data(warp_layout_.grid);
   tree.ranks.alpha = (float)fit_.alpha;
   tree.ranks.count = block_count();
   tree.ranks.log_range = (float)std::log1p((double)block_count() / tree.ranks.alpha);
-  tree.inner_count = (int32_t)children_.size();
+  tree.cell_width = (float)(1.0 / grid_.width);
+  tree.inner_count = (int32_t)layout_.children.size();
   return view;
 }
 
 size_t KdTreeSampler::nbytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
-  return bytes(warps_) + bytes(pdf_) + bytes(warp_origins_) + bytes(split_keys_) +
-         bytes(split_warps_) + bytes(children_) + bytes(start_grid_) + bytes(warp_grid_);
+  return bytes(warps_) + bytes(pdf_) + bytes(warp_origins_) + bytes(linear_blocks_) +
+         bytes(layout_.split_keys) + bytes(layout_.children) + bytes(layout_.start_grid) +
+         bytes(warp_layout_.split_warps) + bytes(warp_layout_.grid);
 }
 
 void KdTreeSampler::reconstruct(const LatLongImage& image, float* out) const {
-  if (image.width != width_ || image.height != height_) {
+  if (image.width != grid_.width || image.height != grid_.height) {
     throw std::invalid_argument("reconstruct needs the image that the tree was built from");
   }
-  const std::vector<double> weights = mean_row_weights(width_, height_, statistics_);
-  for (const TexelRect& rect : rects_) {
+  const std::vector<double> weights = mean_row_weights(grid_.width, grid_.height, statistics_);
+  for (size_t b = 0; b < rects_.size(); ++b) {
+    TexelRect rect = rects_[b];
+    if (grid_.cells) {
+      // The centre of a texel is the upper left corner of the cell one row further down.
+      rect.lo[1] = std::max(rect.lo[1] - 1, 0);
+      rect.hi[1] = rect.hi[1] - 1;
+    }
     const std::array<double, 3> mean = block_mean(image, rect, weights);
-    fill_block(rect, {(float)mean[0], (float)mean[1], (float)mean[2]}, width_, out);
+    fill_block(rect, {(float)mean[0], (float)mean[1], (float)mean[2]}, grid_.width, out);
+    if (grid_.cells) tilt_block(b, rect, out);
+  }
+}
+
+void KdTreeSampler::tilt_block(size_t block, const TexelRect& texels, float* out) const {
+  const TexelRect& rect = rects_[block];
+  const Tilts tilts = tilts_[block];
+  const double rise = grid_.rise(rect.lo[1], rect.hi[1]), top = grid_.height_at(rect.lo[1]);
+  for (int y = texels.lo[1]; y < texels.hi[1]; ++y) {
+    const double q = (height_from_north(2 * y + 1, 2 * grid_.height) - top) / rise;
+    for (int x = texels.lo[0]; x < texels.hi[0]; ++x) {
+      // Of one texel: the mean is its own.
+      const double p = texels.size(0) > 1 ? (x + 0.5 - texels.lo[0]) / texels.size(0) : 0.5;
+      const double along = 1 + tilts.along * (2 * p - 1);
+      const double down = texels.size(1) > 1 ? 1 + tilts.down * (2 * q - 1) : 1.0;
+      float* t = out + 3 * ((int64_t)y * grid_.width + x);
+      for (int c = 0; c < 3; ++c) t[c] *= (float)(along * down);
+    }
   }
 }
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "src/environment_sampler.h"
-#include "src/kdtree_builder.h"
+#include "src/kdtree_layout.h"
+#include "src/linear_fit.h"
 #include "src/rank_fit.h"
 
 namespace skytree {
@@ -16,18 +18,34 @@ enum class BlockProbability {
                  ///< constant density in a block
 };
 
+enum class BlockDensity {
+  AUTO,      ///< LINEAR where it can be: blocks split and chosen by MIN_VARIANCE, of RADIANCE
+  CONSTANT,  ///< the paper's
+  LINEAR,    ///< linear in azimuth times linear in elevation, on cells between texel centres
+};
+
 struct KdTreeConfig {
   static constexpr int kLargestBlockCount = 32768;  // node numbers have 16 bits
+  static constexpr int kAutoBlockCount = 0;         // as many as pay (see docs/method.md)
+  static constexpr int kLargestAutoBlockCount = 4096;
+  static constexpr int kDefaultBlockCount = 1024;  // what kAutoBlockCount means for CONSTANT
 
-  int block_count = 1024;
+  int block_count = kDefaultBlockCount;
   SplitCriterion split_criterion = SplitCriterion::SSE;
   BlockProbability block_probability = BlockProbability::FITTED;
   Statistics statistics = Statistics::RADIANCE;
   /// What alpha is fitted for; the paper does not say, least squares is our reading.
   RankObjective rank_objective = RankObjective::LEAST_SQUARES;
   /// Share of samples spread evenly over the sphere with EXACT and MIN_VARIANCE: no direction has
-  /// density 0, and the largest weight is bounded. FITTED has no use for it.
-  double uniform_share = 0.05;
+  /// density 0, and the largest weight is bounded. FITTED has no use for it. By default 0.05, and
+  /// 0.005 with linear density and no compensation.
+  std::optional<double> uniform_share;
+  BlockDensity block_density = BlockDensity::AUTO;
+  /// MIS compensation (O. Karlik et al., "MIS Compensation: Optimizing Sampling Techniques in
+  /// Multiple Importance Sampling", SIGGRAPH Asia 2019), 0 to 1, not for FITTED: this much of the
+  /// map's mean is taken from every block, as BSDF sampling finds even light well enough. Only
+  /// where BSDF sampling takes part.
+  double compensation = 0.0;
   BuildProgress progress;
 };
 
@@ -41,9 +59,13 @@ class KdTreeSampler : public EnvironmentSampler {
   size_t nbytes() const override;
 
   int block_count() const { return (int)rects_.size(); }
+  bool is_linear() const { return grid_.cells; }
   /// Blocks in the order of probabilities(): by descending power with FITTED, else depth first down
-  /// the tree.
+  /// the tree. In cells of grid() where the density is linear.
   const std::vector<TexelRect>& rects() const { return rects_; }
+  const TreeGrid& grid() const { return grid_; }
+  /// Linear density: each block's tilts.
+  const std::vector<Tilts>& tilts() const { return tilts_; }
   /// What each block is chosen with; the density in it is this by its solid angle.
   const std::vector<double>& probabilities() const { return probabilities_; }
   /// Shares of the map's power, descending: what alpha was fitted to.
@@ -51,24 +73,28 @@ class KdTreeSampler : public EnvironmentSampler {
   const RankFit& fit() const { return fit_; }
   double build_seconds() const { return build_seconds_; }
 
-  /// The map with every block at its mean radiance (by the statistics' weights), RGB row by row
-  /// into out. Bad texels are left out of the means. `image` is the one that the tree was built
-  /// from.
+  /// The map as the blocks know it: every block at its mean radiance (by the statistics' weights),
+  /// tilted where the density is linear; RGB row by row into out. Bad texels are left out of the
+  /// means. `image` is the one that the tree was built from.
   void reconstruct(const LatLongImage& image, float* out) const;
 
  private:
+  BuildTree grow(const ImageStatistics& statistics, const KdTreeConfig& config) const;
+  void fit_blocks(const ImageStatistics& statistics, const BuildTree& tree,
+                  const std::vector<int32_t>& blocks);
   void set_probabilities(const BuildTree& tree, const std::vector<int32_t>& blocks,
                          const KdTreeConfig& config);
-  void link_nodes(const BuildTree& tree, const std::vector<int32_t>& blocks);
   void place_blocks_by_rank();
-  void place_blocks_by_warp(const BuildTree& tree, const std::vector<int32_t>& blocks);
-  void fill_start_grid();
-  void fill_warp_grid();
+  void place_blocks_by_warp();
+  void place_linear_blocks();
+  void tilt_block(size_t block, const TexelRect& texels, float* out) const;
   double solid_angle(const TexelRect& rect) const;
 
-  int width_, height_;
+  TreeGrid grid_;
   Statistics statistics_;
   std::vector<TexelRect> rects_;
+  std::vector<Tilts> tilts_;
+  std::vector<double> squares_;  // integral of L^2 over the shape of the block's density
   std::vector<double> probabilities_, empirical_;
   RankFit fit_{};
   double build_seconds_ = 0;
@@ -77,15 +103,9 @@ class KdTreeSampler : public EnvironmentSampler {
   std::vector<BlockWarp> warps_;
   std::vector<float> pdf_;
   std::vector<Vec2> warp_origins_;
-  std::vector<int32_t> split_keys_;
-  std::vector<float> split_warps_;
-  std::vector<uint32_t> children_;
-  std::vector<uint16_t> start_grid_, warp_grid_;
-
-  struct Plane {
-    int32_t axis, position;  // in texels
-  };
-  std::vector<Plane> planes_;  // of inner nodes
+  std::vector<LinearBlock> linear_blocks_;
+  KdTreeLayout layout_;
+  WarpLayout warp_layout_;
 };
 
 }  // namespace skytree

@@ -14,6 +14,19 @@ void interpolated_power(const float* above, const float* centre, const float* be
 void interpolated_square(const float* above, const float* centre, const float* below, int count,
                          float weight, float* out);
 
+/// Row weights of a cell between texel centres, with f the way from its upper to its lower row of
+/// centres: integrals of 1 - f and f, and of (1 - f)^2, f (1 - f) and f^2, over solid angle.
+struct CellRow {
+  double upper = 0, lower = 0;
+  double upper_square = 0, product = 0, lower_square = 0;
+
+  double solid_angle() const { return upper + lower; }
+};
+
+/// Integrals over cells of L and L^2, L bilinear: cell x lies between columns x and x + 1.
+void cell_power(const float* upper, const float* lower, int count, const CellRow& row, float* out);
+void cell_square(const float* upper, const float* lower, int count, const CellRow& row, float* out);
+
 /// The pixel's own value and its square.
 void pixel_power(const float* centre, int count, float* out);
 void pixel_square(const float* centre, int count, float* out);

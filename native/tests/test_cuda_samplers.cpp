@@ -58,8 +58,12 @@ std::vector<std::pair<std::string, std::shared_ptr<const EnvironmentSampler>>> s
   KdTreeConfig warped = fitted;
   warped.split_criterion = SplitCriterion::MIN_VARIANCE;
   warped.block_probability = BlockProbability::MIN_VARIANCE;
+  KdTreeConfig linear = warped;
+  linear.compensation = 1.0;
+  warped.block_density = BlockDensity::CONSTANT;
   return {{"kd-tree fitted", std::make_shared<KdTreeSampler>(map.view(), fitted)},
           {"kd-tree warp", std::make_shared<KdTreeSampler>(map.view(), warped)},
+          {"kd-tree linear", std::make_shared<KdTreeSampler>(map.view(), linear)},
           {"inversion guided", std::make_shared<InversionSampler>(map.view(), true)},
           {"inversion binary", std::make_shared<InversionSampler>(map.view(), false)},
           {"alias", std::make_shared<AliasSampler>(map.view())},

@@ -16,7 +16,7 @@ constexpr SplitCriterion kCriteria[] = {SplitCriterion::RANGE, SplitCriterion::V
 
 BuildTree build(const Map& map, int blocks, SplitCriterion criterion,
                 Statistics statistics = Statistics::RADIANCE) {
-  return build_kdtree(map.view(), blocks, criterion, statistics, {});
+  return build_kdtree(read_statistics(map.view(), statistics, {}), blocks, criterion, {});
 }
 
 TEST(KdTreeBuilder, BlocksTileTheMap) {
@@ -137,7 +137,7 @@ TEST(KdTreeBuilder, ProgressGrowsAndCanStopTheBuild) {
 TEST(KdTreeBuilder, SettingsOutOfRangeAreRefused) {
   const Map map(4, 2, 1.0f);
   KdTreeConfig config;
-  for (int blocks : {-1, 0, KdTreeConfig::kLargestBlockCount + 1}) {
+  for (int blocks : {-1, KdTreeConfig::kLargestBlockCount + 1}) {
     config.block_count = blocks;
     EXPECT_THROW(KdTreeSampler(map.view(), config), std::invalid_argument);
   }

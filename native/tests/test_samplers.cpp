@@ -24,7 +24,8 @@ struct NamedSampler {
   std::unique_ptr<EnvironmentSampler> sampler;
 };
 
-std::vector<NamedSampler> all_samplers(const LatLongImage& image, int block_count) {
+/// Those whose density is constant in a texel.
+std::vector<NamedSampler> constant_samplers(const LatLongImage& image, int block_count) {
   std::vector<NamedSampler> samplers;
   const char* criteria[] = {"RANGE", "VARIANCE", "SSE", "MIN_VARIANCE"};
   const char* probabilities[] = {"FITTED", "EXACT", "MIN_VARIANCE"};
@@ -36,6 +37,7 @@ std::vector<NamedSampler> all_samplers(const LatLongImage& image, int block_coun
         config.split_criterion = (SplitCriterion)c;
         config.block_probability = (BlockProbability)p;
         config.statistics = statistics;
+        config.block_density = BlockDensity::CONSTANT;
         samplers.push_back({std::string(criteria[c]) + " " + probabilities[p] +
                                 (statistics == Statistics::PIXELS ? " of pixels" : ""),
                             std::make_unique<KdTreeSampler>(image, config)});
@@ -46,6 +48,24 @@ std::vector<NamedSampler> all_samplers(const LatLongImage& image, int block_coun
   samplers.push_back({"inversion, binary", std::make_unique<InversionSampler>(image, false)});
   samplers.push_back({"alias", std::make_unique<AliasSampler>(image)});
   samplers.push_back({"uniform", std::make_unique<UniformSampler>()});
+  return samplers;
+}
+
+std::vector<NamedSampler> all_samplers(const LatLongImage& image, int block_count) {
+  std::vector<NamedSampler> samplers;
+  for (double compensation : {0.0, 1.0}) {
+    KdTreeConfig config;
+    config.block_count = block_count;
+    config.split_criterion = SplitCriterion::MIN_VARIANCE;
+    config.block_probability = BlockProbability::MIN_VARIANCE;
+    config.block_density = BlockDensity::LINEAR;
+    config.compensation = compensation;
+    samplers.push_back({compensation > 0 ? "linear, compensated" : "linear",
+                        std::make_unique<KdTreeSampler>(image, config)});
+  }
+  for (NamedSampler& named : constant_samplers(image, block_count)) {
+    samplers.push_back(std::move(named));
+  }
   return samplers;
 }
 
@@ -107,7 +127,7 @@ TEST(Samplers, SamplesFollowThePdfAndItIntegratesToOne) {
   for (const NamedMap& map : all_maps()) {
     const int width = map.map.width, height = map.map.height;
     const std::vector<double> solid_angles = row_solid_angles(width, height);
-    for (const NamedSampler& named : all_samplers(map.map.view(), 48)) {
+    for (const NamedSampler& named : constant_samplers(map.map.view(), 48)) {
       SCOPED_TRACE(named.name + " on " + map.name);
       const EnvSamplerView view = named.sampler->view();
       std::vector<double> expected((size_t)width * height), drawn(expected.size());
@@ -151,7 +171,7 @@ TEST(Samplers, SamplesFollowThePdfAndItIntegratesToOne) {
 TEST(Samplers, PointsAreUniformWithinATexel) {
   constexpr int kSamples = 100000, kParts = 4;
   const Map map = testing::make_outdoor_map(24, 12);
-  for (const NamedSampler& named : all_samplers(map.view(), 48)) {
+  for (const NamedSampler& named : constant_samplers(map.view(), 48)) {
     SCOPED_TRACE(named.name);
     const EnvSamplerView view = named.sampler->view();
     double counts[kParts * kParts] = {};

@@ -83,13 +83,15 @@ class KdTreeSampler(EnvironmentSampler):
     def __init__(
         self,
         image: ArrayLike,
-        block_count: int = 1024,
+        block_count: int | Literal["AUTO"] = 1024,
         split_criterion: Literal["RANGE", "VARIANCE", "SSE", "MIN_VARIANCE"] = "SSE",
         block_probability: Literal["FITTED", "EXACT", "MIN_VARIANCE"] = "FITTED",
         *,
         statistics: Literal["RADIANCE", "PIXELS"] = "RADIANCE",
-        uniform_share: float = 0.05,
         alpha_objective: Literal["LEAST_SQUARES", "LIKELIHOOD", "SECOND_MOMENT"] = "LEAST_SQUARES",
+        uniform_share: float | None = None,
+        block_density: Literal["AUTO", "CONSTANT", "LINEAR"] = "AUTO",
+        compensation: float = 0.0,
         progress: Callable[[float], bool | None] | None = None,
     ) -> None: ...
     @property
@@ -101,7 +103,11 @@ class KdTreeSampler(EnvironmentSampler):
     @property
     def block_count(self) -> int: ...
     @property
-    def bounds(self) -> NDArray[np.int32]: ...
+    def bounds(self) -> NDArray[np.int32] | NDArray[np.float32]: ...
+    @property
+    def block_density(self) -> Literal["CONSTANT", "LINEAR"]: ...
+    @property
+    def tilts(self) -> NDArray[np.float64]: ...
     @property
     def probabilities(self) -> NDArray[np.float64]: ...
     @property

@@ -22,9 +22,10 @@ def random_map(height=40, width=80, seed=0):
 
 
 def all_samplers(image, block_count=1024):
+    """Those whose density is constant in a texel."""
     for criterion in CRITERIA:
         for probability in PROBABILITIES:
-            yield sky.KdTreeSampler(image, block_count, criterion, probability)
+            yield sky.KdTreeSampler(image, block_count, criterion, probability, block_density="CONSTANT")
     yield sky.InversionSampler(image)
     yield sky.InversionSampler(image, method="binary")
     yield sky.AliasSampler(image)
@@ -82,7 +83,7 @@ def test_real_maps(path):
     solid_angles = texel_directions(*image.shape[:2])[1]
     for sampler in (
         sky.KdTreeSampler(image),
-        sky.KdTreeSampler(image, 1024, "MIN_VARIANCE", "MIN_VARIANCE"),
+        sky.KdTreeSampler(image, 1024, "MIN_VARIANCE", "MIN_VARIANCE", block_density="CONSTANT"),
         sky.InversionSampler(image),
         sky.AliasSampler(image),
     ):
@@ -108,8 +109,8 @@ def test_attributes_of_the_kdtree():
     image = random_map()
     for criterion in CRITERIA:
         for probability in PROBABILITIES:
-            sampler = sky.KdTreeSampler(image, 200, criterion, probability)
-            assert sampler.block_count == 200
+            sampler = sky.KdTreeSampler(image, 200, criterion, probability, block_density="CONSTANT")
+            assert sampler.block_count == 200 and sampler.block_density == "CONSTANT"
             bounds = sampler.bounds
             assert bounds.shape == (200, 4) and bounds.dtype == np.int32
             covered = np.zeros(image.shape[:2], int)
@@ -122,6 +123,60 @@ def test_attributes_of_the_kdtree():
             assert sampler.alpha > 0 and sampler.fit_error >= 0 and sampler.kl_divergence >= 0
             assert 0 < sampler.nbytes <= 48 * 1024
             assert sampler.build_seconds > 0
+
+
+def test_blocks_of_linear_density():
+    image = random_map()
+    height, width = image.shape[:2]
+    sampler = sky.KdTreeSampler(image, 200, "MIN_VARIANCE", "MIN_VARIANCE")  # the default there
+    assert sampler.block_density == "LINEAR" and sampler.block_count == 200
+    bounds, tilts = sampler.bounds, sampler.tilts
+    assert bounds.shape == (200, 4) and bounds.dtype == np.float32
+    assert tilts.shape == (200, 2) and np.abs(tilts).max() < 0.981 and np.abs(tilts).max() > 0.1
+    covered = np.zeros((2 * height, width), int)
+    for x0, y0, x1, y1 in bounds:
+        columns = np.arange(x0 - 0.5, x1 - 0.5).astype(int)
+        covered[int(2 * y0) : int(2 * y1), columns] += 1
+    assert (covered == 1).all()
+
+    # The pdf is what probabilities and tilts say, at four points of every block, and integrates to 1.
+    heights = (1 - np.cos(np.pi * bounds[:, 1::2].astype(np.float64) / height)) / 2
+    rise = heights[:, 1] - heights[:, 0]
+    solid_angles = 4 * np.pi * rise * (bounds[:, 2] - bounds[:, 0]) / width
+    assert solid_angles.sum() == pytest.approx(4 * np.pi)
+    for p in (0.25, 0.75):
+        for q in (0.25, 0.75):
+            phi = 2 * np.pi * (0.5 - (bounds[:, 0] + p * (bounds[:, 2] - bounds[:, 0])) / width)
+            z = 1 - 2 * (heights[:, 0] + q * rise)
+            r = np.sqrt(1 - z**2)
+            pdf = sampler.pdf(np.stack((r * np.cos(phi), r * np.sin(phi), z), axis=1))
+            shape = (1 + tilts[:, 0] * (2 * p - 1)) * (1 + tilts[:, 1] * (2 * q - 1))
+            np.testing.assert_allclose(pdf, sampler.probabilities / solid_angles * shape, rtol=1e-3)
+    directions, pdf = sampler.sample(np.random.default_rng(1).random((20000, 3), np.float32))
+    np.testing.assert_array_equal(sampler.pdf(directions), pdf)
+    rebuilt = sampler.reconstruct()
+    assert rebuilt.mean() == pytest.approx(image.mean(), rel=0.02)
+    assert np.abs(rebuilt - image).mean() < 0.9 * np.abs(image - image.mean(axis=(0, 1))).mean()
+
+
+def test_auto_block_count_and_compensation():
+    image = random_map()
+    choice = ("MIN_VARIANCE", "MIN_VARIANCE")
+    automatic = sky.KdTreeSampler(image, "AUTO", *choice)
+    assert 16 < automatic.block_count < 4096
+    assert sky.KdTreeSampler(image, "AUTO").block_count == 1024  # the paper's blocks
+    plain = sky.KdTreeSampler(image, 256, *choice)
+    compensated = sky.KdTreeSampler(image, 256, *choice, compensation=1.0)
+    centre = texel_directions(*image.shape[:2])[0][10, 26][None]
+    assert compensated.pdf(centre)[0] > plain.pdf(centre)[0]
+    with pytest.raises(ValueError, match='block_count is "SOME"'):
+        sky.KdTreeSampler(image, "SOME", *choice)
+    with pytest.raises(ValueError, match="compensation is 2"):
+        sky.KdTreeSampler(image, 256, *choice, compensation=2.0)
+    with pytest.raises(ValueError, match="choose EXACT or MIN_VARIANCE"):
+        sky.KdTreeSampler(image, 256, compensation=0.5)
+    with pytest.raises(ValueError, match="block_density LINEAR needs"):
+        sky.KdTreeSampler(image, 256, block_density="LINEAR")
 
 
 def test_fitted_probabilities_are_the_papers_model():
