@@ -91,6 +91,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             filter_width=settings.filter_width,
             region=film.region,
             film_transparent=scene.render.film_transparent,
+            blue_noise=settings.blue_noise,
         )
         try:
             self._follow(session, film, settings.samples, depsgraph.view_layer.name)

@@ -78,6 +78,7 @@ class SKYTREE_RENDER_PT_sampling(_RenderPanel, bpy.types.Panel):
         column.prop(settings, "samples", text="Render Samples")
         column.prop(settings, "preview_samples", text="Viewport Samples")
         column.prop(settings, "seed")
+        column.prop(settings, "blue_noise")
 
 
 class SKYTREE_RENDER_PT_light_paths(_RenderPanel, bpy.types.Panel):

@@ -97,6 +97,12 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Start of the random numbers: the same seed gives the same picture, to the bit, "
         "for any number of threads",
     )
+    blue_noise: BoolProperty(
+        name="Blue Noise",
+        default=False,
+        description="Make the errors of neighbouring pixels differ in final renders too, as they do in the "
+        "viewport: noise looks finer at few samples",
+    )
     device: EnumProperty(name="Device", items=DEVICES, default="CPU", description="What renders")
     sampler: EnumProperty(
         update=_changed,

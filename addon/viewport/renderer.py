@@ -71,6 +71,7 @@ class RenderSettings:
             "pixel_filter": self.pixel_filter,
             "filter_width": self.filter_width,
             "film_transparent": self.film_transparent,
+            "blue_noise": True,
         }
 
 

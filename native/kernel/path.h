@@ -31,7 +31,7 @@ SKY_HD bool trace_connection(const SceneView& scene, const TracerView& tracer,
 /// Starts sample `sample` of pixel (x,y), absolute film coordinates.
 SKY_HD void begin_path(const SceneView& scene, const RenderSettings& settings, int x, int y,
                        uint32_t sample, PathState* path) {
-  const uint32_t seed = pixel_seed(settings.seed, x, y);
+  const uint32_t seed = pixel_seed(settings.seed, x, y, settings.blue_noise);
   start_path(scene, settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter), path);
 }
 

@@ -36,6 +36,7 @@ struct RenderSettings {
   bool bsdf_sampling;          // off: light samples alone, without MIS
   const float* filter_table;   // kFilterTableSize
   bool light_sampling = true;  // off: BSDF samples alone, without MIS
+  bool blue_noise = false;     // neighbouring pixels' errors differ (kernel/rng.h)
 };
 
 /// Where in the map a world direction points.

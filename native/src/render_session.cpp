@@ -213,6 +213,7 @@ void RenderSession::lead() {
   double commit_seconds = now() - started;
   job_.settings = {options_.seed,          options_.max_bounces, options_.film_transparent,
                    options_.bsdf_sampling, filter_table_.data(), options_.light_sampling};
+  job_.settings.blue_noise = options_.blue_noise;
   if (built && device_ && !render_on_device()) {
     const double again = now();
     built = scene_->commit(cancel_);

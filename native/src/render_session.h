@@ -31,6 +31,7 @@ struct RenderOptions {
   int first_sample = 0;
   bool bsdf_sampling = true;
   bool light_sampling = true;
+  bool blue_noise = false;  // neighbouring pixels' errors differ (kernel/rng.h)
   std::shared_ptr<const EnvironmentSampler> sampler;  // null: the scene's own
 };
 

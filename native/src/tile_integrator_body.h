@@ -152,11 +152,19 @@ static int tile_order(int i) {
   return y * kTileSize + x;
 }
 
-/// A loop of its own, which the compiler vectorises.
+/// Loops of their own, which the compiler vectorises. All seeds are of one kind.
 static void draw_pairs(const uint32_t* seeds, int count, uint32_t sample, uint32_t pair,
                        float* __restrict x, float* __restrict y) {
+  if (count > 0 && has_blue_noise(seeds[0])) {
+    for (int i = 0; i < count; ++i) {
+      const Vec2 u = blue_noise_pair(seeds[i], sample, pair);
+      x[i] = u.x;
+      y[i] = u.y;
+    }
+    return;
+  }
   for (int i = 0; i < count; ++i) {
-    const Vec2 u = random_pair(seeds[i], sample, pair);
+    const Vec2 u = hashed_pair(seeds[i], sample, pair);
     x[i] = u.x;
     y[i] = u.y;
   }
@@ -172,7 +180,7 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
     const int x = tile_x * kTileSize + pixel % kTileSize;
     const int y = tile_y * kTileSize + pixel / kTileSize;
     if (x >= job.width || y >= job.height) continue;
-    batch.seeds[count] = pixel_seed(job.settings.seed, x, y);
+    batch.seeds[count] = pixel_seed(job.settings.seed, x, y, job.settings.blue_noise);
     batch.active[count++] = pixel;
   }
   draw_pairs(batch.seeds, count, sample, kPairFilter, batch.random[0], batch.random[1]);

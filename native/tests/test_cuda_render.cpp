@@ -96,7 +96,7 @@ TEST_F(CudaTest, ImagesAreTheHostKernelsToTheLastBit) {
 
 TEST_F(CudaTest, OptionsReachTheDevice) {
   const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
-  std::vector<RenderOptions> variants(5, small_options());
+  std::vector<RenderOptions> variants(6, small_options());
   variants[0].film_transparent = true;
   variants[1].bsdf_sampling = false;
   variants[2].light_sampling = false;
@@ -104,6 +104,7 @@ TEST_F(CudaTest, OptionsReachTheDevice) {
   variants[3].filter_width = 1.0;
   variants[4].first_sample = 5;
   variants[4].seed = 77;
+  variants[5].blue_noise = true;
   for (const RenderOptions& options : variants) {
     EXPECT_EQ(different_pixels(render_on_gpu(scene, options).pixels,
                                render_on_host(scene.get(), options)),

@@ -179,13 +179,14 @@ TEST(Irradiance, OneTexelSunOnAPlane) {
   }
 }
 
-TEST(Determinism, BitsDependOnPixelSampleAndSeedOnly) {
+static void bits_depend_on_pixel_sample_and_seed_only(bool blue_noise) {
   const auto scene = make_spheres_scene(4.0 / 3.0);
   scene->set_environment(sky());
   RenderOptions options = small(24, 3);
   options.width = 70;  // not a multiple of the tile
   options.height = 53;
   options.pixel_filter = PixelFilter::kBlackmanHarris;
+  options.blue_noise = blue_noise;
   const std::vector<float> whole = render(scene, options, 1);
   EXPECT_EQ(whole, render(scene, options, 5)) << "threads";
 
@@ -217,6 +218,11 @@ TEST(Determinism, BitsDependOnPixelSampleAndSeedOnly) {
   other.seed = 1;
   EXPECT_NE(whole, render(scene, other));
 }
+
+TEST(Determinism, BitsDependOnPixelSampleAndSeedOnly) {
+  bits_depend_on_pixel_sample_and_seed_only(false);
+}
+TEST(Determinism, WithBlueNoiseToo) { bits_depend_on_pixel_sample_and_seed_only(true); }
 
 TEST(Camera, OrthographicAndShiftSeeWhatTheyShould) {
   // A small emitting square at a known place: its centroid on the film is where the projection puts

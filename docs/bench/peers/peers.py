@@ -20,7 +20,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -46,19 +46,31 @@ REPORTS = ROOT / "build" / "reports"
 
 
 @contextmanager
-def open_renderers(archive: Path, wheel: str, llvm: str) -> Iterator[Renderers]:
+def open_blender(archive: Path, wheel: str = "") -> Iterator[Renderers]:
+    """Skytree and Cycles alone."""
     logs = ROOT / "build" / "logs"
     logs.mkdir(parents=True, exist_ok=True)
     CACHE.mkdir(parents=True, exist_ok=True)
+    with (
+        tempfile.TemporaryDirectory(dir=CACHE) as scratch,
+        Worker(
+            BLENDER, HERE / "blender_worker.py", {"zip": str(archive)}, logs / "peers-blender.log"
+        ) as blender,
+    ):
+        yield Renderers(blender, None, CACHE, Path(scratch), wheel)
+
+
+@contextmanager
+def open_renderers(archive: Path, wheel: str, llvm: str) -> Iterator[Renderers]:
+    """All three."""
     variables = {"DRJIT_LIBLLVM_PATH": llvm} if llvm else {}
-    with ExitStack() as stack:
-        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(dir=CACHE)))
-        job = {"zip": str(archive)}
-        blender = Worker(BLENDER, HERE / "blender_worker.py", job, logs / "peers-blender.log")
-        stack.enter_context(blender)
-        script = HERE / "mitsuba_worker.py"
-        mitsuba = stack.enter_context(Worker(MITSUBA, script, {}, logs / "peers-mitsuba.log", **variables))
-        yield Renderers(blender, mitsuba, CACHE, scratch, wheel)
+    log = ROOT / "build" / "logs" / "peers-mitsuba.log"
+    with (
+        open_blender(archive, wheel) as renderers,
+        Worker(MITSUBA, HERE / "mitsuba_worker.py", {}, log, **variables) as mitsuba,
+    ):
+        renderers.mitsuba = mitsuba
+        yield renderers
 
 
 def run_folder(wheel: str, quick: bool) -> Path:

@@ -19,7 +19,7 @@ class Renderers:
     """The workers, and the one way to render a case with any of the methods."""
 
     blender: Worker
-    mitsuba: Worker
+    mitsuba: Worker | None
     cache: Path
     scratch: Path  # of this run alone
     wheel: str  # digest of Skytree's zip
@@ -42,15 +42,18 @@ class Renderers:
         size = [WIDTH, HEIGHT]
         shared = {"order": "scene", "bounces": case.bounces, "size": size, "export": str(exported)}
         self.blender.order(**shared, scene=case.scene, map=str(exr), folder=str(folder))
-        self.mitsuba.order(**shared, map=str(npy))
+        if self.mitsuba:
+            self.mitsuba.order(**shared, map=str(npy))
         with np.load(exported) as stored:
             digest = hashlib.sha256(npy.name.encode() + str(stored["scene"]).encode())
             for name in sorted(set(stored.files) - {"scene"}):
                 digest.update(name.encode() + stored[name].tobytes())
         self.content = digest.hexdigest()[:8]
 
-    def render(self, case: Case, method: str, samples: int, seed: int) -> tuple[np.ndarray, float]:
-        """-> image (H,W,3), processor seconds of the renderer."""
+    def render(
+        self, case: Case, method: str, samples: int, seed: int, settings: dict | None = None
+    ) -> tuple[np.ndarray, float]:
+        """-> image (H,W,3), processor seconds of the renderer. settings: over the preset's."""
         chosen = METHODS[method]
         order = {"order": "render", "samples": samples, "seed": seed}
         if chosen.engine == "MITSUBA":
@@ -59,6 +62,7 @@ class Renderers:
             return np.load(file), told["cpu_seconds"]
         file = self.scratch / "image.exr"
         how = {"engine": chosen.engine, "preset": chosen.preset, "bounces": case.bounces, "exr": str(file)}
+        how["settings"] = settings or {}
         told = self.blender.order(**order, **how)
         return skytree_core.read_image(str(file)), told["cpu_seconds"]
 
