@@ -20,6 +20,7 @@ STYLES = {
     "Mitsuba, independent": {"color": "#9aa5b1", "marker": "^"},
     "Mitsuba, multijitter": {"color": "#30638e", "marker": "^"},
 }
+RATIO_TICKS = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
 
 
@@ -44,7 +45,8 @@ def error_figure(results: list[Result]):
     groups = list(dict.fromkeys((r.case.scene, r.case.bounces) for r in results))
     columns = min(4, len(groups))
     count = -(-len(groups) // columns)
-    figure, axes = plt.subplots(count, columns, figsize=(3.1 * columns, 2.9 * count + 0.5), squeeze=False)
+    size = (max(3.1 * columns, 6.2), 2.8 * count + 0.5)
+    figure, axes = plt.subplots(count, columns, figsize=size, squeeze=False, layout="constrained")
     for axis in axes.flat[len(groups) :]:
         axis.set_axis_off()
     for axis, (scene, bounces) in zip(axes.flat, groups, strict=False):
@@ -57,13 +59,11 @@ def error_figure(results: list[Result]):
         axis.set(xscale="log", yscale="log", title=title_of(scene, bounces))
         axis.grid(which="major", alpha=0.3)
         axis.yaxis.set_minor_formatter(NullFormatter())
-    for axis in axes[-1]:
         axis.set_xlabel("processor time, µs a pixel")
     for axis in axes[:, 0]:
         axis.set_ylabel("nRMSE_tc")
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncol=min(5, 2 * columns), frameon=False)
-    figure.tight_layout(rect=(0, 0.28 / figure.get_figheight() * 1.4, 1, 1))
+    figure.legend(handles, labels, loc="outside lower center", ncol=3 if columns < 3 else 5, frameon=False)
     return figure
 
 
@@ -81,8 +81,10 @@ def ratio_figure(results: list[Result]):
     axis.set(
         xscale="log", xlabel="efficiency of Skytree's best mode over the best peer (1: equal; dotted: 5×)"
     )
+    axis.set_xticks([x for x in RATIO_TICKS if axis.get_xlim()[0] <= x <= axis.get_xlim()[1]])
     axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.grid(axis="y", alpha=0.25)
-    axis.legend(frameon=False, loc="lower right")
+    axis.legend(frameon=False, ncol=len(JUDGED), loc="lower right", bbox_to_anchor=(1, 1))
     figure.tight_layout()
     return figure

@@ -28,8 +28,9 @@ def section(results: list[Result], versions: dict[str, str], pictures: str) -> s
             f"Maps, which come with Blender: {maps}.\n",
             listed + "\n",
             f"Each renderer is judged against its own reference ({reference_words()}); the reference's own "
-            "error is subtracted and the worst 0.1 % of pixels are left out (nRMSE_tc and relMSE_tc, "
-            f"docs/demo/metrics.py). Values are means of {len(SEEDS)} seeds, one a round, all methods taking "
+            "error is subtracted; the worst 0.1 % of an image's pixels are left out, and the 0.1 % in which "
+            "the reference is least certain (nRMSE_tc and relMSE_tc, `skytree_core.metrics`). "
+            f"Values are means of {len(SEEDS)} seeds, one a round, all methods taking "
             "turns in every round; ± is the standard deviation. Time is processor time of the renderer's "
             f"process, of {TIMED[1]} samples less that of {TIMED[0]}, so that start-up drops out. Efficiency "
             "is 1/(nRMSE_tc² · time). FLIP is of the image as a viewport shows it, exposed by the "

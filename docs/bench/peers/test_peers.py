@@ -36,6 +36,13 @@ def test_reference_noise_is_subtracted():
     assert found["relmse_tc"] == pytest.approx(expected, rel=0.1)  # uncorrected: 1.5 times that
 
 
+def test_a_firefly_in_the_reference_does_not_rule_the_figure():
+    halves = [noisy(0.02), noisy(0.02)]
+    halves[0][5:8, 5:9] += 60.0
+    found = [measuring.image_figures(noisy(0.1), halves)["nrmse_tc"] for _ in range(4)]
+    assert found == pytest.approx([0.1 / TRUTH.mean()] * 4, rel=0.05)
+
+
 def test_flip_is_none_for_the_same_image_and_grows_with_noise():
     quiet, loud = (measuring.flip_error(noisy(d), TRUTH) for d in (0.02, 0.2))
     assert measuring.flip_error(TRUTH, TRUTH) == 0
