@@ -277,6 +277,7 @@ class RenderSession:
         first_sample: int = 0,
         bsdf_sampling: bool = True,
         light_sampling: bool = True,
+        blue_noise: bool = False,
         sampler: EnvironmentSampler | None = None,
     ) -> None: ...
     def wait(self, seconds: float) -> bool: ...
