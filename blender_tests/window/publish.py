@@ -64,10 +64,6 @@ STATES = {
             "panel_exposure": "World properties: the map in false colours, in stops",
         },
     ),
-    "large": (
-        "A million triangles, a map of 4096 x 2048 texels",
-        {"large_scene": "The viewport", "large_comparison": "A comparison"},
-    ),
 }
 
 
@@ -86,7 +82,7 @@ def main():
         for name, caption in states.items():
             source, target = screenshots / file / f"{name}.png", IMAGES / f"{file}_{name}.jpg"
             if source.exists():
-                Image.open(source).convert("RGB").save(target, quality=82, optimize=True)
+                Image.open(source).convert("RGB").save(target, quality=60, optimize=True)
             if target.exists():
                 lines += ["", f"{caption}:", "", f"![{caption}](images/window/{target.name})"]
     (ROOT / "docs" / "screenshots.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
