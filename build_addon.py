@@ -82,9 +82,8 @@ def bench_peers(options: argparse.Namespace) -> str:
     _, llvm = mitsuba_module()
     command = [tools, PEERS_BENCH, "--zip", archive, *options.further]
     run_visibly("The benchmark against Cycles and Mitsuba", [*command, *(["--llvm", llvm] if llvm else [])])
-    return "The figures are in build/reports" + (
-        "." if "--quick" in options.further else " and docs/benchmarks.md."
-    )
+    trial = {"--quick", "--case", "--set"} & {word.split("=")[0] for word in options.further}
+    return "The figures are in build/reports" + ("." if trial else " and docs/benchmarks.md.")
 
 
 def command_bench(options: argparse.Namespace) -> str:

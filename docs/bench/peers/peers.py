@@ -4,7 +4,7 @@
 
 `./build_addon.py bench --peers` runs it; by hand, from build/venv:
 
-    python docs/bench/peers/peers.py [--quick] [--zip ZIP] [--page FILE] [--llvm LIBRARY]
+    python docs/bench/peers/peers.py [--quick] [--case PART] [--set NAME=VALUE] [--zip ZIP] [--llvm LIBRARY]
 
 Each case (cases.py) is measured in rounds in which all methods take turns, and kept in build/peers-cache when
 it is done: an interrupted run goes on where it was. References are kept too, so a second run is shorter.
@@ -73,11 +73,10 @@ def open_renderers(archive: Path, wheel: str, llvm: str) -> Iterator[Renderers]:
         yield renderers
 
 
-def run_folder(wheel: str, quick: bool) -> Path:
-    """Where the finished cases of this run lie: those of an interrupted run with the same wheel are kept."""
-    facts = f"{wheel} {SAMPLES} {SEEDS} {WIDTH} {HEIGHT}"
-    name = hashlib.sha256(facts.encode()).hexdigest()[:12] + ("-quick" if quick else "")
-    folder = CACHE / "runs" / name
+def run_folder(wheel: str, cases: list[Case], overrides: dict) -> Path:
+    """Where the finished cases of this run lie: those of an interrupted run of the same kind are kept."""
+    facts = f"{wheel} {SAMPLES} {SEEDS} {WIDTH} {HEIGHT} {[c.key for c in cases]} {sorted(overrides.items())}"
+    folder = CACHE / "runs" / hashlib.sha256(facts.encode()).hexdigest()[:12]
     if (folder / "finished").exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -121,11 +120,42 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--quick", action="store_true", help="two scenes under two maps; docs stay as they are"
     )
+    parser.add_argument(
+        "--case", default="", metavar="PART", help="cases with this in their names, as room-city"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a setting of scene.skytree for best mode, as compensation=1; docs stay as they are",
+    )
     parser.add_argument("--zip", type=Path, help="the add-on; default: the newest dist/skytree-*.zip")
     parser.add_argument("--llvm", default="", help="LLVM's shared library for Mitsuba")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "benchmarks.md")
     parser.add_argument("--figures", type=Path, default=ROOT / "docs" / "images")
     return parser.parse_args()
+
+
+def parse_settings(texts: list[str]) -> dict:
+    """NAME=VALUE; a value that is no JSON is a text."""
+    found = {}
+    for text in texts:
+        name, separator, value = text.partition("=")
+        if not separator:
+            raise DemoError(f"--set {text}: give NAME=VALUE, as compensation=1")
+        try:
+            found[name] = json.loads(value)
+        except json.JSONDecodeError:
+            found[name] = value
+    return found
+
+
+def chosen_cases(quick: bool, part: str) -> list[Case]:
+    cases = [case for case in (quick_cases() if quick else all_cases()) if part in case.key]
+    if not cases:
+        raise DemoError(f"--case {part}: no case has that in its name, which is scene-map-bounces")
+    return cases
 
 
 def main() -> int:
@@ -134,11 +164,13 @@ def main() -> int:
     try:
         archive = (arguments.zip or newest_zip()).resolve()
         wheel = hashlib.sha256(archive.read_bytes()).hexdigest()[:12]
+        overrides = parse_settings(arguments.set)
+        cases = chosen_cases(arguments.quick, arguments.case)
         with open_renderers(archive, wheel, arguments.llvm) as renderers:
+            renderers.overrides = overrides
             if renderers.mitsuba.ready["variant"] != "llvm_ad_rgb":
                 console.print("No LLVM: Mitsuba renders in scalar_rgb, several times slower.", style="yellow")
-            folder = run_folder(wheel, arguments.quick)
-            cases = quick_cases() if arguments.quick else all_cases()
+            folder = run_folder(wheel, cases, overrides)
             with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as progress:
                 results = measure_all(cases, renderers, folder, progress)
             versions = renderers.versions
@@ -146,13 +178,14 @@ def main() -> int:
         console.print(f"bench --peers: {failure}", style="red", markup=False, highlight=False)
         return 1
     (folder / "finished").touch()
-    name = "peers-quick" if arguments.quick else "peers"
+    trial = arguments.quick or arguments.case or overrides
+    name = "peers-quick" if trial else "peers"
     write_reports(results, versions, name)
-    pictures = REPORTS if arguments.quick else arguments.figures
+    pictures = REPORTS if trial else arguments.figures
     figures.draw(results, pictures, name)
     section = peers_page.section(results, versions, f"images/{name}")
     console.print(section, markup=False, highlight=False, soft_wrap=True)
-    if not arguments.quick:
+    if not trial:
         old = arguments.page.read_text() if arguments.page.exists() else ""
         arguments.page.write_text(benchmarks_page.merged(old, section))
     return 0

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ class Renderers:
     cache: Path
     scratch: Path  # of this run alone
     wheel: str  # digest of Skytree's zip
+    overrides: dict = field(default_factory=dict)  # of scene.skytree, over the preset of best mode
     content: str = ""  # digest of the scene and the map that are open
 
     @property
@@ -62,7 +63,7 @@ class Renderers:
             return np.load(file), told["cpu_seconds"]
         file = self.scratch / "image.exr"
         how = {"engine": chosen.engine, "preset": chosen.preset, "bounces": case.bounces, "exr": str(file)}
-        how["settings"] = settings or {}
+        how["settings"] = (self.overrides if chosen.preset == "BEST" else {}) | (settings or {})
         told = self.blender.order(**order, **how)
         return skytree_core.read_image(str(file)), told["cpu_seconds"]
 

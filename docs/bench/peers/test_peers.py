@@ -108,6 +108,21 @@ def test_a_promise_is_kept_only_where_every_sample_count_keeps_it(tmp_path):
     assert all(f.stat().st_size > 10000 for f in figures.draw([made_up(), made_up()], tmp_path, "peers"))
 
 
+def test_settings_and_cases_of_a_trial():
+    import peers
+
+    assert peers.parse_settings(["compensation=0.5", "sampler=ALIAS", "blue_noise=true"]) == {
+        **{"compensation": 0.5, "sampler": "ALIAS", "blue_noise": True}
+    }
+    assert {c.scene for c in peers.chosen_cases(False, "room-")} == {"room"}
+    for wrong in (
+        lambda: peers.parse_settings(["compensation"]),
+        lambda: peers.chosen_cases(True, "kitchen"),
+    ):
+        with pytest.raises(peers.DemoError):
+            wrong()
+
+
 def test_the_page_keeps_the_sections_of_the_other_benchmarks():
     old = "# Benchmarks\n\nHead.\n\n## A\n\nold\n\n## B\n\nkeep\n"
     assert benchmarks_page.merged(old, "## A\n\nnew\n\n## C\n\nmore\n") == (
