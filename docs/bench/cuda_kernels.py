@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAGS = ["-std=c++17", "-fmad=false", f"-I{ROOT}", f"-I{ROOT / 'native'}"]
 SOURCES = [ROOT / "cuda" / "kernels.cu", Path(__file__).with_name("cuda_stages.cu")]
 REGISTERS_PER_MULTIPROCESSOR = 65536
+WARPS_PER_BLOCK = 4  # kThreads of cuda/kernel_parameters.h
 REGISTER_STEP = 8  # per thread, what the hardware hands out
 WARPS_PER_MULTIPROCESSOR = {75: 32, 86: 48, 89: 48, 120: 48}  # else 64
 
@@ -36,8 +37,10 @@ class Kernel:
     instructions: int = 0
 
     def warps(self, arch: int) -> int:
+        """In whole blocks of threads, as the hardware hands out registers."""
         rounded = -(-self.registers // REGISTER_STEP) * REGISTER_STEP
-        return min(WARPS_PER_MULTIPROCESSOR.get(arch, 64), REGISTERS_PER_MULTIPROCESSOR // (rounded * 32))
+        blocks = REGISTERS_PER_MULTIPROCESSOR // (rounded * 32 * WARPS_PER_BLOCK)
+        return min(WARPS_PER_MULTIPROCESSOR.get(arch, 64), blocks * WARPS_PER_BLOCK)
 
 
 def compile_kernels(nvcc: str, source: Path, arch: int, folder: Path) -> list[Kernel]:
