@@ -76,26 +76,32 @@ def main():
     if not Path(nvcc).exists():
         sys.exit("nvcc was not found: install the CUDA toolkit, or put it on PATH.")
     started = time.perf_counter()
-    columns = [
-        "architecture",
-        "kernel",
-        "registers",
-        "warps per multiprocessor",
-        "local bytes",
-        "spilt bytes",
-    ]
-    print("|", " | ".join([*columns, "instructions"]), "|")
-    print("|", " | ".join(["---"] * 7), "|", flush=True)
+    kernels: dict[int, list[Kernel]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for arch in arguments.arch:
             for source in SOURCES:
-                for k in sorted(compile_kernels(nvcc, source, arch, Path(folder)), key=lambda k: k.name):
-                    print(
-                        f"| sm_{arch} | {k.name} | {k.registers} | {k.warps(arch)} | {k.stack} | {k.spills} "
-                        f"| {k.instructions or '?'} |",
-                        flush=True,
-                    )
-    print(f"\n{time.perf_counter() - started:.0f} s of compiling")
+                kernels.setdefault(arch, []).extend(compile_kernels(nvcc, source, arch, Path(folder)))
+            print(f"sm_{arch}: {time.perf_counter() - started:.0f} s", file=sys.stderr, flush=True)
+    print(tables(kernels))
+
+
+def tables(kernels: dict[int, list[Kernel]]) -> str:
+    """A table of kernels by architectures for each question."""
+    questions = {
+        "Registers a thread / warps a multiprocessor": lambda k, arch: f"{k.registers} / {k.warps(arch)}",
+        "Bytes of local memory a thread / spilt ones": lambda k, arch: f"{k.stack} / {k.spills}",
+        "Instructions": lambda k, arch: f"{k.instructions or '?'}",
+    }
+    names = dict.fromkeys(k.name for found in kernels.values() for k in found)
+    parts = []
+    for question, answer in questions.items():
+        lines = [f"{question}:\n", "| | " + " | ".join(f"sm_{arch}" for arch in kernels) + " |"]
+        lines.append("| :-- |" + " --: |" * len(kernels))
+        for name in names:
+            cells = [answer(k, arch) for arch, found in kernels.items() for k in found if k.name == name]
+            lines.append(f"| {name} | " + " | ".join(cells) + " |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
 
 
 if __name__ == "__main__":
