@@ -91,7 +91,11 @@ constexpr uint32_t kBlueNoiseSeed = 0x80000000u;
 /// another part; it repeats after 4096 pixels.
 SKY_HD uint32_t pixel_seed(uint32_t seed, uint32_t x, uint32_t y, bool blue_noise = false) {
   if (blue_noise) {
-    return kBlueNoiseSeed | ((spread_bits(x) | spread_bits(y) << 1) ^ hash_u32(seed));
+    // The lowest bit pairs neighbours whose errors differ most: side by side in some quads, one
+    // above the other in the rest, or the noise would have a grain.
+    const uint32_t place = (spread_bits(x) | spread_bits(y) << 1) ^ hash_u32(seed);
+    const uint32_t turned = (place ^ (place >> 1)) & hash_u32(place >> 2) & 1u;
+    return kBlueNoiseSeed | (place ^ (turned | turned << 1));
   }
   return hash_u32(x + hash_u32(y + hash_u32(seed + 0x9e3779b9u))) & ~kBlueNoiseSeed;
 }

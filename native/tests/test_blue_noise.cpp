@@ -75,6 +75,32 @@ TEST(BlueNoise, ErrorsOfNeighboursDiffer) {
   }
 }
 
+/// Variance that is left when two neighbours along one axis are averaged, of the image's times two.
+double pair_share(const std::vector<double>& error, int step_x, int step_y) {
+  double all = 0.0, low = 0.0;
+  for (int i = 0; i < kSize * kSize; ++i) {
+    const int x = (i % kSize + step_x) % kSize, y = (i / kSize + step_y) % kSize;
+    const double mean = (error[i] + error[y * kSize + x]) / 2;
+    all += error[i] * error[i];
+    low += 2.0 * mean * mean;
+  }
+  return low / all;
+}
+
+TEST(BlueNoise, HasNoGrain) {
+  // Without the turned quads horizontal neighbours would differ far more than vertical ones.
+  const auto product = [](uint32_t p, uint32_t s) { return smooth(random_pair(p, s, 1)); };
+  double across = 0.0, down = 0.0;
+  for (uint32_t seed = 0; seed < 8; ++seed) {
+    const std::vector<double> error = error_image(product, kSmooth, 1, seed, true);
+    across += pair_share(error, 1, 0) / 8.0;
+    down += pair_share(error, 0, 1) / 8.0;
+  }
+  EXPECT_LT(across, 0.9);
+  EXPECT_LT(down, 0.9);
+  EXPECT_NEAR(across, down, 0.05);
+}
+
 TEST(BlueNoise, PairsOfOnePixelAreIndependent) {
   // With one order of pixels for all pairs, this integrand of two pairs would be off by the same
   // amount in all pixels: the share would be far above 1.
