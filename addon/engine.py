@@ -12,6 +12,7 @@ import numpy as np
 from . import devices, native, status
 from .camera import CameraError, Film, camera_matrices, film_of
 from .devices import render_device
+from .environments import candidates_of
 from .messages import Messages
 from .sync.scene import SceneSync
 from .thumbnails import render_thumbnail
@@ -92,6 +93,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             region=film.region,
             film_transparent=scene.render.film_transparent,
             blue_noise=settings.blue_noise,
+            candidates=candidates_of(settings),
         )
         try:
             self._follow(session, film, settings.samples, depsgraph.view_layer.name)

@@ -33,17 +33,29 @@ class SamplerSettings:
     block_probability: str = "MIN_VARIANCE"
     auto_blocks: bool = False
     compensation: float = 0.0
+    filter_samples: int = 0  # FILTERED: what the blur is made for
 
     @classmethod
     def of(cls, settings) -> SamplerSettings:
         """From scene.skytree; what a sampler does not look at is left at the default, so that it is no
         key."""
+        if settings.sampler == "MEDIAN_CUT":
+            return cls("MEDIAN_CUT", settings.block_count)
+        if settings.sampler == "FILTERED":
+            return cls("FILTERED", filter_samples=settings.filter_samples)
+        if settings.sampler == "RESAMPLED":  # candidates are the session's; half come from the best kd-tree
+            return cls()
         if settings.sampler != "KDTREE":
             return cls(settings.sampler)
         split, probability = settings.split_criterion, settings.block_probability
         compensation = 0.0 if probability == "FITTED" else settings.compensation
         count = cls.block_count if settings.auto_blocks else settings.block_count
         return cls("KDTREE", count, split, probability, settings.auto_blocks, compensation)
+
+
+def candidates_of(settings) -> int:
+    """What scene.skytree makes of RenderSession.start's argument `candidates`."""
+    return settings.candidates if settings.sampler == "RESAMPLED" else 0
 
 
 @dataclass
@@ -180,6 +192,12 @@ def make_sampler(image: np.ndarray | None, settings: SamplerSettings):
         return core.InversionSampler(image)
     if settings.sampler == "ALIAS":
         return core.AliasSampler(image)
+    if settings.sampler == "HIERARCHY":
+        return core.HierarchySampler(image)
+    if settings.sampler == "FILTERED":
+        return core.FilteredMap(image, settings.filter_samples)
+    if settings.sampler == "MEDIAN_CUT":
+        return core.KdTreeSampler(image, settings.block_count, "MEDIAN_CUT", "EXACT")
     return core.KdTreeSampler(
         image,
         "AUTO" if settings.auto_blocks else settings.block_count,

@@ -131,7 +131,16 @@ class SKYTREE_WORLD_PT_sampler(_WorldPanel, bpy.types.Panel):
     bl_label = "Light Sampling"
 
     def draw(self, context):
-        _column(self.layout).prop(context.scene.skytree, "sampler")
+        settings = context.scene.skytree
+        column = _column(self.layout)
+        column.prop(settings, "sampler")
+        if settings.sampler == "MEDIAN_CUT":
+            column.prop(settings, "block_count")
+        elif settings.sampler == "RESAMPLED":
+            column.prop(settings, "candidates")
+        elif settings.sampler == "FILTERED":
+            column.prop(settings, "filter_samples")
+            column.label(text="Biased: blurred at any number of samples", icon="ERROR")
 
 
 class SKYTREE_WORLD_PT_kdtree(_WorldPanel, bpy.types.Panel):

@@ -88,6 +88,8 @@ class SKYTREE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "compensation",
             "split_criterion",
             "block_probability",
+            "candidates",
+            "filter_samples",
             "pixel_filter",
             "filter_width",
         )

@@ -14,6 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from .related_methods import RELATED, TEACHING
 from .viewport import clock as viewport_clock
 from .viewport import floating
 
@@ -26,6 +27,8 @@ SAMPLERS = (
     ("INVERSION", "Inversion", "Marginal and conditional distributions of all texels, inverted"),
     ("ALIAS", "Alias Table", "Walker's alias table over all texels"),
     ("UNIFORM", "Uniform", "Uniform directions: no importance sampling of the map"),
+    ("", TEACHING, ""),
+    *RELATED,
 )
 SPLIT_CRITERIA = (
     ("RANGE", "Range", "Split the block with the largest difference of radiance"),
@@ -151,6 +154,24 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         items=BLOCK_PROBABILITIES,
         default="MIN_VARIANCE",
         description="With which probability a block is chosen",
+    )
+    candidates: IntProperty(
+        update=_changed,
+        name="Candidates",
+        default=8,
+        min=1,
+        soft_max=64,
+        max=1024,
+        description="Resampled Product: directions that one light sample is chosen from",
+    )
+    filter_samples: IntProperty(
+        update=_changed,
+        name="Filter Samples",
+        default=64,
+        min=1,
+        soft_max=4096,
+        max=1 << 20,
+        description="Filtered: samples per pixel that the blur is made for; fewer are blurred more",
     )
     pixel_filter: EnumProperty(
         update=_changed,

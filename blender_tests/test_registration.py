@@ -8,6 +8,7 @@ import bpy
 import pytest
 import scenes
 
+TEACHING = ("MEDIAN_CUT", "HIERARCHY", "RESAMPLED", "FILTERED")
 FIXED_SETTINGS = {
     "samples": 64,
     "preview_samples": 256,
@@ -35,7 +36,7 @@ def test_settings_exist_with_their_defaults(skytree):
     "name, values",
     [
         ("device", ["CPU", "CUDA"]),
-        ("sampler", ["KDTREE", "INVERSION", "ALIAS", "UNIFORM"]),
+        ("sampler", ["KDTREE", "INVERSION", "ALIAS", "UNIFORM", *TEACHING]),
         ("split_criterion", ["RANGE", "VARIANCE", "SSE", "MIN_VARIANCE"]),
         ("block_probability", ["FITTED", "EXACT", "MIN_VARIANCE"]),
         ("pixel_filter", ["BOX", "GAUSSIAN", "BLACKMAN_HARRIS"]),

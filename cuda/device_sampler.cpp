@@ -43,6 +43,19 @@ void for_each_table(EnvSamplerView* view, Visit visit) {
       visit(&table.rows, size_t(table.height));
       return;
     }
+    case EnvSamplerType::HIERARCHY: {
+      HierarchyView& table = view->hierarchy;
+      visit(&table.weights, size_t(hierarchy_base(table)) + size_t(table.width) * table.height);
+      visit(&table.rows, size_t(table.height));
+      return;
+    }
+    case EnvSamplerType::FILTERED: {
+      FilteredView& table = view->filtered;
+      visit(&table.texels, 3 * size_t(table.texel_count));
+      visit(&table.rows, size_t(table.row_count));
+      visit(&table.levels, size_t(table.level_count));
+      return;
+    }
   }
 }
 

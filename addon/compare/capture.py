@@ -61,7 +61,8 @@ class Capture:
     def _start(self):
         request = self._view.request
         seed = request.settings.seed ^ REFERENCE_SEEDS[len(self.halves)]
-        options = {**request.settings.options(), "seed": seed, "sampler": self._sampler.result().sampler}
+        options = {**request.settings.options(), "seed": seed, "candidates": 0}
+        options["sampler"] = self._sampler.result().sampler
         width, height, border = request.view.scaled(1)
         self.session.start(self._view.scene_sync.scene, width, height, self.samples, region=border, **options)
         self._started = True

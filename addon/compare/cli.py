@@ -20,7 +20,8 @@ from .render import Progress
 
 COMMAND = "skytree_compare"
 METHOD_HELP = (
-    "scene, kdtree, inversion, alias, uniform or bsdf; kdtree may go on with blocks, split criterion and "
+    "scene, kdtree, inversion, alias, uniform, bsdf, or for teaching median_cut, hierarchy, resampled or "
+    "filtered (biased); kdtree may go on with blocks, split criterion and "
     "block probability: kdtree:1024:SSE:FITTED"
 )
 

@@ -21,7 +21,7 @@ from .reader import read_for_render
 from .render import Progress, Renderer, compare, timestamp
 from .report import Comparison, write_report
 
-CHOICES = tuple(item[0] for item in METHODS)
+CHOICES = tuple(item[0] for item in METHODS if item[0])
 PICTURES = ("a", "b", "reference")
 BEST = Method(SamplerSettings())  # renders the reference
 

@@ -36,7 +36,7 @@ class _ComparePanel:
         elif compared.mode == "DIFFERENCE":
             column.prop(compared, "gain")
         for name in ("a", "b"):
-            _draw_side(layout, getattr(compared, name), name.upper())
+            _draw_side(layout, getattr(compared, name), context.scene.skytree, name.upper())
         column = layout.column()
         column.prop(compared, "clock")
         column.prop(compared, "samples" if compared.clock == "SAMPLES" else "seconds")
@@ -52,12 +52,18 @@ def _draw_progress(layout):
     row.operator("skytree.cancel_report", text="", icon="X")
 
 
-def _draw_side(layout, side, name: str):
+def _draw_side(layout, side, settings, name: str):
     column = layout.column()
     column.prop(side, "method", text=name)
     if side.method == "KDTREE":
         for setting in ("block_count", "split_criterion", "block_probability"):
             column.prop(side, setting)
+    elif side.method == "MEDIAN_CUT":
+        column.prop(side, "block_count")
+    elif side.method == "RESAMPLED":
+        column.prop(settings, "candidates")
+    elif side.method == "FILTERED":
+        column.prop(settings, "filter_samples")
 
 
 class _ReferencePanel:

@@ -86,7 +86,7 @@ class Renderer:
             first_sample=first,
             sampler=self.built(method).sampler,
             light_sampling=method.light_sampling,
-            **{**self.settings.options(), "seed": seed},
+            **{**self.settings.options(), "seed": seed, "candidates": method.candidates},
         )
         try:
             while not self.session.wait(POLL_SECONDS):
@@ -148,7 +148,7 @@ class Renderer:
             value = getattr(built.sampler, name, None)
             if value is not None and math.isfinite(value):
                 told[name] = value
-        if built.image is not None:
+        if built.image is not None and method.has_density:
             self.tell(Progress(f"fit of {method.label} to the map", 1.0))
             told |= sampler_figures(built.sampler, built.image) or {}
         return told

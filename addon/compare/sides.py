@@ -61,7 +61,7 @@ class Side:
 
 def built_of(side: Side) -> BuiltEnvironment | None:
     """The sampler whose figures tell about a side, once it is built."""
-    if side.method is None or not side.method.light_sampling or side.sampler is None:
+    if side.method is None or not side.method.has_density or side.sampler is None:
         return None
     if not side.sampler.done() or side.sampler.exception() is not None:
         return None

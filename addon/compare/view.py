@@ -308,7 +308,7 @@ class CompareView:
                 region=border,
                 sampler=side.sampler.result().sampler,
                 light_sampling=side.method.light_sampling,
-                **request.settings.options(),
+                **{**request.settings.options(), "candidates": side.method.candidates},
             )
 
     def _drawn_by_session(self) -> list[Side]:

@@ -76,9 +76,14 @@ class SceneSync:
         """World and sampler settings; a sampler that exists for the same map and settings is used again."""
         found = Messages()
         environment = read_world(depsgraph.scene_eval.world, self.images, found)
+        self._wanted = environment, SamplerSettings.of(depsgraph.scene_eval.skytree)
+        if self._wanted[1].sampler == "FILTERED":
+            found.warn(
+                "The sampler is set to Filtered, which is biased: reflections and shadows are blurred, and "
+                "more samples do not sharpen them"
+            )
         self.messages.replace(self._environment_messages, found)
         self._environment_messages = found
-        self._wanted = environment, SamplerSettings.of(depsgraph.scene_eval.skytree)
         self.follow_environment()
 
     def follow_environment(self) -> bool:

@@ -18,6 +18,7 @@ import numpy as np
 
 from .. import native, status
 from ..devices import render_device
+from ..environments import candidates_of
 from ..sync.scene import SceneSync
 from . import gpu_draw
 from .view import View, visibility_of
@@ -48,6 +49,7 @@ class RenderSettings:
     film_transparent: bool = False
     threads: int = 0
     device: str = "CPU"
+    candidates: int = 0  # of a light sample, see RenderSession.start
 
     @classmethod
     def of(cls, scene) -> RenderSettings:
@@ -61,6 +63,7 @@ class RenderSettings:
             render.film_transparent,
             render.threads if render.threads_mode == "FIXED" else 0,
             render_device(settings),
+            candidates_of(settings),
         )
 
     def options(self) -> dict:
@@ -72,6 +75,7 @@ class RenderSettings:
             "filter_width": self.filter_width,
             "film_transparent": self.film_transparent,
             "blue_noise": True,
+            "candidates": self.candidates,
         }
 
 

@@ -16,6 +16,7 @@ TITLE = "Figure 6: spheres of several materials"
 SAMPLES = 16
 SEEDS = 4  # errors are means over these
 COMPARED = ("inversion", "kdtree_paper", "kdtree")
+TITLES = {"inversion": "Inversion", "kdtree_paper": "Kd-tree (paper)", "kdtree": "Kd-tree (default)"}
 MATERIALS = {
     "Diffuse": {"type": "DIFFUSE", "color": (0.66, 0.17, 0.1)},
     "Plastic": {"type": "PRINCIPLED", "color": (0.02, 0.16, 0.5), "roughness": 0.3},
@@ -63,7 +64,9 @@ def errors(renders: list[np.ndarray], halves, mask: np.ndarray) -> dict[str, flo
     }
 
 
-def line(images: dict, reference: np.ndarray, rows: list[dict]) -> list[tuple[Image.Image, str]]:
+def line(
+    images: dict, reference: np.ndarray, rows: list[dict], titles: dict[str, str] = TITLES
+) -> list[tuple[Image.Image, str]]:
     """One material: the reference and every method with its difference as an inset."""
     exposure = pictures.exposure_for(reference)
     factor = pictures.difference_factor(reference, images.values(), exposure)
@@ -76,7 +79,6 @@ def line(images: dict, reference: np.ndarray, rows: list[dict]) -> list[tuple[Im
         corner = (tile.width - inset.width, tile.height - inset.height)
         ImageDraw.Draw(tile).rectangle((corner[0] - 2, corner[1] - 2, *tile.size), pictures.PAPER)
         tile.paste(inset, corner)
-        title = {"inversion": "Inversion", "kdtree_paper": "Kd-tree (paper)", "kdtree": "Kd-tree (default)"}
-        text = f"{title[row['method']]}\nerror {row['nrmse_tc']:.1%}, inset × {factor:g}"
+        text = f"{titles[row['method']]}\nerror {row['nrmse_tc']:.1%}, inset × {factor:g}"
         tiles.append((tile, text))
     return tiles

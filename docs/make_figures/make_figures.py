@@ -32,7 +32,18 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 # Modules beside this file, in the order of docs/results.md.
-FIGURES = ("figure1", "figure2", "figure3", "figure4", "figure5", "figure6", "brdf", "tutorial")
+FIGURES = (
+    "figure1",
+    "figure2",
+    "figure3",
+    "figure4",
+    "figure5",
+    "figure6",
+    "figure7",
+    "methods",
+    "brdf",
+    "tutorial",
+)
 # What several figures are made with: a change makes all of them again.
 COMMON = (
     *(HERE / name for name in ("context.py", "maps.py", "stage.py", "plots.py")),

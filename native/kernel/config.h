@@ -5,14 +5,14 @@
 
 #if defined(__CUDACC__)
 #define SKY_HD static __host__ __device__ inline
-// What few surfaces need: a call on a device. Inlined, its registers would be every path's, who
+// What few surfaces need: a call. Inlined, its registers would be every path's, who
 // would spill others for them (docs/cuda.md).
 #define SKY_HD_RARE static __host__ __device__ __noinline__
 #else
 // static: the host compiles these headers for several instruction sets, and of equal functions the
 // linker would keep any one, with instructions that the processor may lack.
 #define SKY_HD static inline
-#define SKY_HD_RARE static inline
+#define SKY_HD_RARE [[gnu::noinline, maybe_unused]] static
 #endif
 
 #if defined(__CUDA_ARCH__)

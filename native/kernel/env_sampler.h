@@ -3,6 +3,8 @@
 #pragma once
 
 #include "kernel/alias.h"
+#include "kernel/filtered.h"
+#include "kernel/hierarchy.h"
 #include "kernel/inversion.h"
 #include "kernel/kdtree.h"
 
@@ -15,7 +17,9 @@ enum class EnvSamplerType : int32_t {
   KDTREE_LINEAR,  // the same with linear density in a block
   INVERSION_GUIDED,
   INVERSION_BINARY,
-  ALIAS
+  ALIAS,
+  HIERARCHY,
+  FILTERED  // BIASED, draws no directions: BSDF samples look up the filtered map (filtered.h)
 };
 
 struct EnvSamplerView {
@@ -24,6 +28,8 @@ struct EnvSamplerView {
     KdTreeView kdtree;
     InversionView inversion;
     AliasView alias;
+    HierarchyView hierarchy;
+    FilteredView filtered;
   };
 
   EnvSamplerView() : kdtree() {}
@@ -89,6 +95,16 @@ SKY_HD DirectionSample sample_alias_table(const AliasView& table, Vec3 u) {
   return {direction_at_height(azimuth, row.h_start + row.h_slope * u.z, row.h_slope < 0.0f), pdf};
 }
 
+SKY_HD DirectionSample sample_hierarchy(const HierarchyView& table, Vec3 u) {
+  int32_t x, y;
+  int64_t base;
+  descend_hierarchy(table, &u.y, &u.z, &x, &y, &base);
+  const RowWarp row = table.rows[y];
+  return {direction_at_height(texel_azimuth(x, u.y, table.width), row.h_start + row.h_slope * u.z,
+                              row.h_slope < 0.0f),
+          hierarchy_pdf(table, base, x, y)};
+}
+
 /// u in [0,1)^3: u.x chooses where a method chooses once, (u.y, u.z) is the pair that a method
 /// warps or places inside what was chosen; a well-stratified point set should have its best pair
 /// there.
@@ -106,6 +122,10 @@ SKY_HD DirectionSample sample_environment(const EnvSamplerView& sampler, Vec3 u)
       return sample_inversion(sampler.inversion, u, false);
     case EnvSamplerType::ALIAS:
       return sample_alias_table(sampler.alias, u);
+    case EnvSamplerType::HIERARCHY:
+      return sample_hierarchy(sampler.hierarchy, u);
+    case EnvSamplerType::FILTERED:
+      return {{0.0f, 0.0f, 1.0f}, 0.0f};
     default:
       return sample_uniform_sphere(u);
   }
@@ -127,6 +147,11 @@ SKY_HD float environment_pdf(const EnvSamplerView& sampler, Vec3 direction) {
     case EnvSamplerType::ALIAS:
       latlong_texel(direction, sampler.alias.width, sampler.alias.height, &x, &y);
       return sampler.alias.entries[(int64_t)y * sampler.alias.width + x].pdf;
+    case EnvSamplerType::HIERARCHY:
+      latlong_texel(direction, sampler.hierarchy.width, sampler.hierarchy.height, &x, &y);
+      return hierarchy_pdf(sampler.hierarchy, hierarchy_base(sampler.hierarchy), x, y);
+    case EnvSamplerType::FILTERED:
+      return 0.0f;
     default:
       return kInvFourPi;
   }

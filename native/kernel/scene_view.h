@@ -37,6 +37,10 @@ struct RenderSettings {
   const float* filter_table;   // kFilterTableSize
   bool light_sampling = true;  // off: BSDF samples alone, without MIS
   bool blue_noise = false;     // neighbouring pixels' errors differ (kernel/rng.h)
+  // Above 0: a light sample is chosen from so many candidates (resampling.h), some of them BSDF
+  // samples or not; bsdf_sampling must be off.
+  int candidates = 0;
+  bool bsdf_candidates = false;
 };
 
 /// Where in the map a world direction points.
@@ -48,6 +52,13 @@ SKY_HD Vec2 environment_uv(const EnvironmentView& environment, Vec3 direction) {
 SKY_HD Vec3 environment_radiance(const EnvironmentView& environment, Vec3 direction) {
   return environment.color *
          lookup_bilinear(environment.image, environment.world_to_env * direction);
+}
+
+/// Radiance that a BSDF sample with this pdf brings from map coordinates `uv`.
+SKY_HD Vec3 sampled_radiance(const EnvironmentView& environment, Vec2 uv, float pdf) {
+  return environment.sampler.type == EnvSamplerType::FILTERED
+             ? filtered_radiance(environment.sampler.filtered, environment.image, uv, pdf)
+             : lookup_bilinear_uv(environment.image, uv.x, uv.y);
 }
 
 }  // namespace skytree

@@ -9,8 +9,7 @@
 // chapter 9.
 #pragma once
 
-#include "kernel/rng.h"
-#include "kernel/scene_view.h"
+#include "kernel/resampling.h"
 
 namespace skytree {
 
@@ -84,7 +83,7 @@ SKY_HD Vec3 connection_radiance(const SceneView& scene, const Connection& connec
     pdf +=
         environment_pdf(environment.sampler, environment.world_to_env * connection.ray.direction);
   }
-  return connection.weight * environment.color * lookup_bilinear_uv(environment.image, uv.x, uv.y) *
+  return connection.weight * environment.color * sampled_radiance(environment, uv, pdf) *
          (1.0f / pdf);
 }
 
@@ -118,8 +117,8 @@ SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, P
       settings.light_sampling ? environment_pdf(environment.sampler, direction) : 0.0f;
   // The throughput was divided by bsdf_pdf when the ray was drawn.
   const float weight = path->bsdf_pdf / (path->bsdf_pdf + light_pdf);
-  path->radiance +=
-      path->throughput * environment.color * lookup_bilinear(environment.image, direction) * weight;
+  path->radiance += path->throughput * environment.color *
+                    sampled_radiance(environment, latlong_uv(direction), path->bsdf_pdf) * weight;
 }
 
 /// Light sample: at most one connection, false if there is none.
@@ -127,6 +126,22 @@ SKY_HD bool sample_light(const SceneView& scene, const RenderSettings& settings,
                          const PathState& path, const Surface& surface, const Shading& shading,
                          const VertexRandom& random, Connection* connection) {
   const EnvironmentView& environment = scene.environment;
+  if (settings.candidates > 0) {
+    const uint32_t vertex = (uint32_t)(path.bounce + path.transparent_bounces);
+    ResampledLight light = {};
+    if (!resample_light(environment, surface, shading, -path.ray.direction, settings.candidates,
+                        settings.bsdf_candidates, {random.choice.x, random.light.x, random.light.y},
+                        {random.choice.y, random.bsdf.x, random.bsdf.y},
+                        unit_float(hash_u32(path.seed + hash_u32(path.sample + hash_u32(vertex)))),
+                        &light)) {
+      return false;
+    }
+    connection->ray = {offset_origin(surface, light.direction), 0.0f, light.direction, INFINITY};
+    connection->weight = path.throughput * light.f;
+    connection->pdf = light.pdf;
+    connection->from_bsdf = false;
+    return true;
+  }
   const DirectionSample light =
       sample_environment(environment.sampler, {random.choice.x, random.light.x, random.light.y});
   const Vec3 direction = transpose_mul(environment.world_to_env, light.direction);

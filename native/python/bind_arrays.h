@@ -2,8 +2,10 @@
 // What several bindings ask of arrays and settings, with messages that name them.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "bindings.h"
 #include "src/split_criterion.h"
@@ -50,6 +52,50 @@ inline LatLongImage image_view(const FloatArray& image) {
   return {image.data(), (int)image.shape(1), (int)image.shape(0)};
 }
 
+inline pybind11::array require_triples(const pybind11::object& value, const char* name) {
+  const pybind11::array array = require_float_array(value, name);
+  if (array.ndim() != 2 || array.shape(1) != 3) {
+    throw std::invalid_argument(std::string(name) + " has shape " + shape_text(array) +
+                                "; it must be (n, 3)");
+  }
+  return array;
+}
+
+inline std::string row_text(const char* name, size_t row, const double* v) {
+  return std::string(name) + "[" + std::to_string(row) + "] is (" + std::to_string(v[0]) + ", " +
+         std::to_string(v[1]) + ", " + std::to_string(v[2]) + ")";
+}
+
+/// Rows of three, each passed through `convert` (three doubles, row) -> Vec3, which may throw.
+template <typename Convert>
+std::vector<Vec3> convert_rows(const pybind11::array& array, const Convert& convert) {
+  std::vector<Vec3> rows((size_t)array.shape(0));
+  const auto convert_all = [&](const auto* data) {
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const double v[3] = {data[3 * i], data[3 * i + 1], data[3 * i + 2]};
+      rows[i] = convert(v, i);
+    }
+  };
+  if (pybind11::isinstance<FloatArray>(array)) {
+    convert_all(FloatArray(array).data());
+  } else {
+    convert_all(
+        pybind11::array_t<double, pybind11::array::c_style | pybind11::array::forcecast>(array)
+            .data());
+  }
+  return rows;
+}
+
+inline Vec3 unit_direction(const double* v, size_t row) {
+  const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+  if (!(square > 0.0 && square < INFINITY)) {
+    throw std::invalid_argument(row_text("directions", row, v) + ", which is no direction");
+  }
+  // What sample() returned must stay as it is, bit by bit, or its pdf may differ.
+  const double scale = std::abs(square - 1.0) < 1e-5 ? 1.0 : 1.0 / std::sqrt(square);
+  return {(float)(scale * v[0]), (float)(scale * v[1]), (float)(scale * v[2])};
+}
+
 template <typename Enum>
 struct Choice {
   const char* name;
@@ -67,11 +113,11 @@ Enum parse(const std::string& text, const char* setting, const Choice<Enum> (&ch
                               names);
 }
 
-constexpr Choice<SplitCriterion> kSplitCriteria[] = {
-    {"RANGE", SplitCriterion::RANGE},
-    {"VARIANCE", SplitCriterion::VARIANCE},
-    {"SSE", SplitCriterion::SSE},
-    {"MIN_VARIANCE", SplitCriterion::MIN_VARIANCE}};
+constexpr Choice<SplitCriterion> kSplitCriteria[] = {{"RANGE", SplitCriterion::RANGE},
+                                                     {"VARIANCE", SplitCriterion::VARIANCE},
+                                                     {"SSE", SplitCriterion::SSE},
+                                                     {"MIN_VARIANCE", SplitCriterion::MIN_VARIANCE},
+                                                     {"MEDIAN_CUT", SplitCriterion::MEDIAN_CUT}};
 constexpr Choice<Statistics> kStatistics[] = {{"RADIANCE", Statistics::RADIANCE},
                                               {"PIXELS", Statistics::PIXELS}};
 

@@ -271,7 +271,7 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
            int max_bounces, uint32_t seed, const std::string& pixel_filter, double filter_width,
            const std::optional<std::array<int, 4>>& region, bool film_transparent, int first_sample,
            bool bsdf_sampling, bool light_sampling, bool blue_noise,
-           std::shared_ptr<const EnvironmentSampler> sampler) {
+           std::shared_ptr<const EnvironmentSampler> sampler, int candidates) {
   RenderOptions options;
   options.width = width;
   options.height = height;
@@ -298,6 +298,7 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
   options.bsdf_sampling = bsdf_sampling;
   options.light_sampling = light_sampling;
   options.blue_noise = blue_noise;
+  options.candidates = candidates;
   options.sampler = std::move(sampler);
   py::gil_scoped_release release;
   session.start(std::move(scene), options);
@@ -506,7 +507,7 @@ A pixel's value depends on its position, the sample index and the seed only.)")
            "max_bounces"_a = 4, "seed"_a = 0, "pixel_filter"_a = "BLACKMAN_HARRIS",
            "filter_width"_a = 1.5, "region"_a = py::none(), "film_transparent"_a = false,
            "first_sample"_a = 0, "bsdf_sampling"_a = true, "light_sampling"_a = true,
-           "blue_noise"_a = false, "sampler"_a = py::none(), R"(
+           "blue_noise"_a = false, "sampler"_a = py::none(), "candidates"_a = 0, R"(
 Starts rendering and returns at once. RuntimeError while running, ValueError for values out of range.
 
 max_bounces 0 shows the environment as the first surface sees it. pixel_filter: BOX (one pixel), GAUSSIAN or
@@ -514,7 +515,9 @@ BLACKMAN_HARRIS with filter_width in pixels, as Cycles defines them. region (x0,
 corner of the film; a pixel's value does not depend on it. first_sample continues an earlier render's sequence.
 bsdf_sampling or light_sampling off leaves the other alone, without MIS. blue_noise makes the errors of neighbouring
 pixels differ, which looks finer at few samples. sampler takes the place of the scene's own, so
-that two sessions compare samplers on one scene.)")
+that two sessions compare samplers on one scene. candidates above 0 (for comparison and teaching): each light sample is
+chosen by BSDF times radiance from so many (Burke et al. 2005, unbiased), half of them BSDF samples if bsdf_sampling is on;
+the BSDF's own ray then brings no light from the environment.)")
       .def("wait", &RenderSession::wait, "seconds"_a, py::call_guard<py::gil_scoped_release>(),
            "True if the render has ended; waits at most that long.")
       .def("cancel", &RenderSession::cancel, py::call_guard<py::gil_scoped_release>(),

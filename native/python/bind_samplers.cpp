@@ -11,43 +11,12 @@
 #include "src/alias_sampler.h"
 #include "src/inversion_sampler.h"
 #include "src/kdtree_sampler.h"
+#include "src/median_cut.h"
 
 namespace py = pybind11;
 
 namespace skytree {
 namespace {
-
-py::array require_triples(const py::object& value, const char* name) {
-  const py::array array = require_float_array(value, name);
-  if (array.ndim() != 2 || array.shape(1) != 3) {
-    throw std::invalid_argument(std::string(name) + " has shape " + shape_text(array) +
-                                "; it must be (n, 3)");
-  }
-  return array;
-}
-
-std::string row_text(const char* name, size_t row, const double* v) {
-  return std::string(name) + "[" + std::to_string(row) + "] is (" + std::to_string(v[0]) + ", " +
-         std::to_string(v[1]) + ", " + std::to_string(v[2]) + ")";
-}
-
-/// Rows of three, each passed through `convert` (three doubles, row) -> Vec3, which may throw.
-template <typename Convert>
-std::vector<Vec3> convert_rows(const py::array& array, const Convert& convert) {
-  std::vector<Vec3> rows((size_t)array.shape(0));
-  const auto convert_all = [&](const auto* data) {
-    for (size_t i = 0; i < rows.size(); ++i) {
-      const double v[3] = {data[3 * i], data[3 * i + 1], data[3 * i + 2]};
-      rows[i] = convert(v, i);
-    }
-  };
-  if (py::isinstance<FloatArray>(array)) {
-    convert_all(FloatArray(array).data());
-  } else {
-    convert_all(py::array_t<double, py::array::c_style | py::array::forcecast>(array).data());
-  }
-  return rows;
-}
 
 Vec3 random_number(const double* v, size_t row) {
   for (int k = 0; k < 3; ++k) {
@@ -60,17 +29,16 @@ Vec3 random_number(const double* v, size_t row) {
           fminf((float)v[2], kOneMinusEpsilon)};
 }
 
-Vec3 unit_direction(const double* v, size_t row) {
-  const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-  if (!(square > 0.0 && square < INFINITY)) {
-    throw std::invalid_argument(row_text("directions", row, v) + ", which is no direction");
+/// A filtered map has neither samples nor a density.
+void require_density(const EnvironmentSampler& sampler) {
+  if (sampler.view().type == EnvSamplerType::FILTERED) {
+    throw std::invalid_argument(
+        "a filtered map draws no directions: the surfaces' BSDFs do; give it to a RenderSession");
   }
-  // What sample() returned must stay as it is, bit by bit, or its pdf may differ.
-  const double scale = std::abs(square - 1.0) < 1e-5 ? 1.0 : 1.0 / std::sqrt(square);
-  return {(float)(scale * v[0]), (float)(scale * v[1]), (float)(scale * v[2])};
 }
 
 py::tuple sample(const EnvironmentSampler& sampler, const py::object& u) {
+  require_density(sampler);
   const std::vector<Vec3> numbers = convert_rows(require_triples(u, "u"), random_number);
   const py::ssize_t count = (py::ssize_t)numbers.size();
   FloatArray directions({count, (py::ssize_t)3});
@@ -92,6 +60,7 @@ py::tuple sample(const EnvironmentSampler& sampler, const py::object& u) {
 }
 
 FloatArray pdf(const EnvironmentSampler& sampler, const py::object& directions) {
+  require_density(sampler);
   const std::vector<Vec3> unit =
       convert_rows(require_triples(directions, "directions"), unit_direction);
   FloatArray result((py::ssize_t)unit.size());
@@ -235,6 +204,28 @@ py::array_t<double> tilts(const KdTree& sampler) {
   return array;
 }
 
+py::tuple point_lights(const KdTree& sampler) {
+  if (sampler.is_linear()) {
+    throw std::invalid_argument(
+        "point_lights() needs blocks of texels: block_density=\"CONSTANT\"");
+  }
+  std::vector<PointLight> lights;
+  {
+    const LatLongImage image = image_view(*sampler.image);
+    py::gil_scoped_release release;
+    lights = make_point_lights(image, sampler.rects());
+  }
+  const py::ssize_t count = (py::ssize_t)lights.size();
+  FloatArray directions({count, (py::ssize_t)3}), power({count, (py::ssize_t)3});
+  for (py::ssize_t i = 0; i < count; ++i) {
+    const Vec3 d = lights[i].direction, p = lights[i].power;
+    const float values[6] = {d.x, d.y, d.z, p.x, p.y, p.z};
+    std::copy(values, values + 3, directions.mutable_data() + 3 * i);
+    std::copy(values + 3, values + 6, power.mutable_data() + 3 * i);
+  }
+  return py::make_tuple(directions, power);
+}
+
 FloatArray reconstruct(const KdTree& sampler) {
   FloatArray out({sampler.image->shape(0), sampler.image->shape(1), (py::ssize_t)3});
   const LatLongImage image = image_view(*sampler.image);
@@ -331,8 +322,9 @@ image: (H, W, 3) linear RGB, row 0 at the top, any size from 1x1; a reference is
 block_count: 1 to 32768; fewer come out if no block with variation is left to split (a constant map stays one block).
     "AUTO" with linear density: as many, up to 4096, as bring the predicted variance of irradiance within 4 % of what 4096
     blocks give; otherwise 1024.
-split_criterion: which block is split next, and where: "RANGE", "VARIANCE", "SSE" (the paper's) or "MIN_VARIANCE" (what
-    most reduces the sum over blocks of sqrt(solid angle * integral of L^2)).
+split_criterion: which block is split next, and where: "RANGE", "VARIANCE", "SSE" (the paper's), "MIN_VARIANCE" (what most
+    reduces the sum over blocks of sqrt(solid angle * integral of L^2)) or "MEDIAN_CUT" (Debevec 2005, for comparison and
+    teaching: the oldest block, halving its power along its longer side; 2^n blocks with "EXACT" are his regions).
 block_probability: "FITTED" (the paper's model of sorted probabilities with one parameter alpha), "EXACT" (in proportion to
     the block's power) or "MIN_VARIANCE" (in proportion to sqrt(solid angle * integral of L^2)).
 statistics: "RADIANCE" (weighted by solid angle, radiance interpolated between texels as a renderer does) or "PIXELS" (the
@@ -388,6 +380,10 @@ to 0 and height.)")
       .def("reconstruct", &reconstruct, R"(
 The map with every block at its mean radiance (the paper's Figure 1), tilted where density is linear: (H, W, 3) float32. Reads the image that was given to
 the constructor, which must not have been written to since.)")
+      .def("point_lights", &point_lights, R"(
+One distant light for each block (Debevec 2005; with split_criterion "MEDIAN_CUT" his lights). BIASED: soft shadows become
+copies of hard ones. Returns (directions (n,3) float32, the blocks' centroids by luminance; power (n,3) float32, the
+integral of radiance over each block). Reads the image that was given to the constructor.)")
       .def_property_readonly(
           "build_seconds", &KdTree::build_seconds,
           "Seconds that reading the image, growing the tree and making the tables took.");

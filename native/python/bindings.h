@@ -20,6 +20,7 @@ void bind_devices(pybind11::module_& m);
 void bind_compressed_map(pybind11::module_& m);
 void bind_samplers(pybind11::module_& m);
 void bind_brdf(pybind11::module_& m);  // before bind_render
+void bind_related(pybind11::module_& m);
 void bind_render(pybind11::module_& m);
 
 }  // namespace skytree

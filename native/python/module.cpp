@@ -8,5 +8,6 @@ PYBIND11_MODULE(_native, m) {
   skytree::bind_samplers(m);
   skytree::bind_compressed_map(m);
   skytree::bind_brdf(m);
+  skytree::bind_related(m);
   skytree::bind_render(m);
 }

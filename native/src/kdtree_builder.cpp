@@ -90,6 +90,8 @@ class Builder {
         return squared_error(node.moments, solid_angle) / solid_angle;
       case SplitCriterion::SSE:
         return squared_error(node.moments, solid_angle);
+      case SplitCriterion::MEDIAN_CUT:
+        return node.moments.power > 0 ? 1.0 : 0.0;  // of equals the oldest is split
       default: {
         // However a block is split, by Cauchy and Schwarz the sum of sqrt(n Q) over its parts stays
         // above its power.

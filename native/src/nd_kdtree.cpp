@@ -22,9 +22,11 @@ void check_config(const NdKdTreeConfig& config) {
     throw std::invalid_argument(
         "slice_count must be between 1 and block_count: every slice has a block");
   }
-  if (config.split_criterion == SplitCriterion::RANGE) {
+  if (config.split_criterion == SplitCriterion::RANGE ||
+      config.split_criterion == SplitCriterion::MEDIAN_CUT) {
     throw std::invalid_argument(
-        "split_criterion RANGE exists in two dimensions only; use VARIANCE, SSE or MIN_VARIANCE");
+        "split_criterion RANGE and MEDIAN_CUT exist in two dimensions only; use VARIANCE, SSE or "
+        "MIN_VARIANCE");
   }
   if (!(config.uniform_share >= 0.0 && config.uniform_share <= 1.0)) {
     throw std::invalid_argument("uniform_share must be between 0 and 1");

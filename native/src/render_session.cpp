@@ -46,12 +46,38 @@ void check_options(const RenderOptions& o) {
   require(o.max_bounces >= 0 && o.max_bounces <= 1024, "max_bounces must lie in 0..1024");
   require(o.bsdf_sampling || o.light_sampling,
           "bsdf_sampling and light_sampling are both off: nothing would find the light");
+  require(o.candidates >= 0 && o.candidates <= 1024, "candidates must lie in 0..1024");
+  require(o.candidates == 0 || o.light_sampling,
+          "candidates are light samples: light_sampling must be on");
   require(
       0 <= o.x0 && o.x0 < o.x1 && o.x1 <= o.width && 0 <= o.y0 && o.y0 < o.y1 && o.y1 <= o.height,
       "region must be (x0,y0,x1,y1) inside the film and not empty");
 }
 
+/// The filtered map serves BSDF samples alone.
+void check_filtered(const RenderOptions& o, const EnvironmentSampler* sampler) {
+  if (!sampler || sampler->view().type != EnvSamplerType::FILTERED) return;
+  if (!o.bsdf_sampling || o.candidates > 0) {
+    throw std::invalid_argument(
+        "a filtered map has no light samples: bsdf_sampling must be on and candidates 0");
+  }
+}
+
 }  // namespace
+
+RenderSettings make_render_settings(const RenderOptions& o, const float* filter_table) {
+  RenderSettings settings = {};
+  settings.seed = o.seed;
+  settings.max_bounces = o.max_bounces;
+  settings.film_transparent = o.film_transparent;
+  settings.bsdf_sampling = o.bsdf_sampling && o.candidates == 0;
+  settings.filter_table = filter_table;
+  settings.light_sampling = o.light_sampling;
+  settings.blue_noise = o.blue_noise;
+  settings.candidates = o.candidates;
+  settings.bsdf_candidates = o.bsdf_sampling;
+  return settings;
+}
 
 RenderSession::RenderSession(int threads, std::unique_ptr<DeviceRenderer> device)
     : device_(std::move(device)) {
@@ -81,6 +107,7 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
   check_options(options);
   std::vector<float> filter_table = make_filter_table(options.pixel_filter, options.filter_width);
   if (!scene) throw std::invalid_argument("a scene is needed");
+  check_filtered(options, options.sampler ? options.sampler.get() : scene->sampler());
   if (running()) throw std::runtime_error("the session is rendering; cancel it first");
   scene->begin_use();
 
@@ -211,9 +238,7 @@ void RenderSession::lead() {
   // A device has trees of its own: Embree's are only built if the CPU has to take over.
   bool built = scene_->commit(cancel_, !device_);
   double commit_seconds = now() - started;
-  job_.settings = {options_.seed,          options_.max_bounces, options_.film_transparent,
-                   options_.bsdf_sampling, filter_table_.data(), options_.light_sampling};
-  job_.settings.blue_noise = options_.blue_noise;
+  job_.settings = make_render_settings(options_, filter_table_.data());
   if (built && device_ && !render_on_device()) {
     const double again = now();
     built = scene_->commit(cancel_);

@@ -32,8 +32,14 @@ struct RenderOptions {
   bool bsdf_sampling = true;
   bool light_sampling = true;
   bool blue_noise = false;  // neighbouring pixels' errors differ (kernel/rng.h)
+  /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if
+  /// bsdf_sampling is on (kernel/resampling.h). The BSDF's own ray then brings no environment.
+  int candidates = 0;
   std::shared_ptr<const EnvironmentSampler> sampler;  // null: the scene's own
 };
+
+/// What the kernel takes of them; `filter_table` as filter_table.h makes it.
+RenderSettings make_render_settings(const RenderOptions& options, const float* filter_table);
 
 struct SessionStats {
   uint64_t rays = 0;

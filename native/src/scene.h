@@ -75,6 +75,8 @@ class Scene {
   void set_camera(const Matrix4& camera_to_world, const Matrix4& projection);
   void set_environment(EnvironmentInput input);
 
+  /// Null: uniform over the sphere.
+  const EnvironmentSampler* sampler() const { return environment_.sampler.get(); }
   std::vector<std::string> warnings() const;
   SceneStats stats() const;
 

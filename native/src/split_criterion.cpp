@@ -10,6 +10,7 @@
 #include <cmath>
 #include <vector>
 
+#include "src/median_cut.h"
 #include "src/split_scores.h"
 
 namespace skytree {
@@ -196,6 +197,7 @@ double squared_error(const Moments& moments, double solid_angle) {
 
 Split find_split(const ImageStatistics& statistics, const TexelRect& rect,
                  SplitCriterion criterion) {
+  if (criterion == SplitCriterion::MEDIAN_CUT) return find_median_cut(statistics, rect);
   return SplitSearch(statistics, rect, criterion).run();
 }
 

@@ -16,6 +16,7 @@ enum class SplitCriterion {
   SSE,           ///< sum of squared deviations
   MIN_VARIANCE,  ///< what the best split takes from the sum over blocks of sqrt(solid angle *
                  ///< integral of L^2)
+  MEDIAN_CUT,    ///< the oldest block, by the rule of median_cut.h
 };
 
 struct Split {

@@ -48,9 +48,7 @@ inline std::vector<float> render_on_host(Scene* scene, const RenderOptions& opti
   const std::vector<float> filter = make_filter_table(options.pixel_filter, options.filter_width);
   SceneView view = parts.view;
   if (options.sampler) view.environment.sampler = options.sampler->view();
-  RenderSettings settings = {options.seed,          options.max_bounces, options.film_transparent,
-                             options.bsdf_sampling, filter.data(),       options.light_sampling};
-  settings.blue_noise = options.blue_noise;
+  const RenderSettings settings = make_render_settings(options, filter.data());
   std::vector<float> pixels;
   for (int y = 0; y < options.height; ++y) {
     for (int x = 0; x < options.width; ++x) {

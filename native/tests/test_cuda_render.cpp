@@ -10,6 +10,8 @@
 #include "cuda_test_scenes.h"
 #include "cuda_test_support.h"
 #include "src/alias_sampler.h"
+#include "src/filtered_map.h"
+#include "src/hierarchy_sampler.h"
 #include "src/inversion_sampler.h"
 #include "src/kdtree_sampler.h"
 
@@ -29,6 +31,8 @@ Samplers make_samplers(const EnvironmentInput& sky) {
           {"inversion", std::make_shared<InversionSampler>(image, true)},
           {"inversion binary", std::make_shared<InversionSampler>(image, false)},
           {"alias", std::make_shared<AliasSampler>(image)},
+          {"hierarchy", std::make_shared<HierarchySampler>(image)},
+          {"filtered", std::make_shared<FilteredMap>(image)},
           {"uniform", nullptr}};
 }
 
@@ -96,7 +100,7 @@ TEST_F(CudaTest, ImagesAreTheHostKernelsToTheLastBit) {
 
 TEST_F(CudaTest, OptionsReachTheDevice) {
   const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
-  std::vector<RenderOptions> variants(6, small_options());
+  std::vector<RenderOptions> variants(7, small_options());
   variants[0].film_transparent = true;
   variants[1].bsdf_sampling = false;
   variants[2].light_sampling = false;
@@ -105,6 +109,7 @@ TEST_F(CudaTest, OptionsReachTheDevice) {
   variants[4].first_sample = 5;
   variants[4].seed = 77;
   variants[5].blue_noise = true;
+  variants[6].candidates = 6;
   for (const RenderOptions& options : variants) {
     EXPECT_EQ(different_pixels(render_on_gpu(scene, options).pixels,
                                render_on_host(scene.get(), options)),

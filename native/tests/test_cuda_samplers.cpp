@@ -12,6 +12,7 @@
 #include "cuda_test_support.h"
 #include "kernel/draw_samples.h"
 #include "src/alias_sampler.h"
+#include "src/hierarchy_sampler.h"
 #include "src/inversion_sampler.h"
 #include "src/kdtree_sampler.h"
 
@@ -67,6 +68,7 @@ std::vector<std::pair<std::string, std::shared_ptr<const EnvironmentSampler>>> s
           {"inversion guided", std::make_shared<InversionSampler>(map.view(), true)},
           {"inversion binary", std::make_shared<InversionSampler>(map.view(), false)},
           {"alias", std::make_shared<AliasSampler>(map.view())},
+          {"hierarchy", std::make_shared<HierarchySampler>(map.view())},
           {"uniform", std::make_shared<UniformSampler>()}};
 }
 

@@ -18,6 +18,8 @@ try:
         CompressedMap,
         Device,
         EnvironmentSampler,
+        FilteredMap,
+        HierarchySampler,
         InversionSampler,
         KdTreeSampler,
         NdKdTreeSampler,
@@ -28,6 +30,8 @@ try:
         cuda_problem,
         devices,
         fit_rank_model,
+        harmonic_coefficients,
+        harmonic_irradiance,
         rank_probabilities,
     )
 except ModuleNotFoundError as error:
@@ -37,6 +41,7 @@ except ModuleNotFoundError as error:
 
     raise ImportError(explain()) from None
 from .image import read_image
+from .related import resampled, stratified
 
 __version__ = "0.1.0"
 
@@ -48,6 +53,8 @@ __all__ = [
     "CompressedMap",
     "Device",
     "EnvironmentSampler",
+    "FilteredMap",
+    "HierarchySampler",
     "InversionSampler",
     "KdTreeSampler",
     "NdKdTreeSampler",
@@ -58,6 +65,10 @@ __all__ = [
     "cuda_problem",
     "devices",
     "fit_rank_model",
+    "harmonic_coefficients",
+    "harmonic_irradiance",
     "rank_probabilities",
     "read_image",
+    "resampled",
+    "stratified",
 ]

@@ -10,7 +10,7 @@ import pytest
 import skytree_core as sky
 from conftest import real_maps
 
-CRITERIA = ("RANGE", "VARIANCE", "SSE", "MIN_VARIANCE")
+CRITERIA = ("RANGE", "VARIANCE", "SSE", "MIN_VARIANCE", "MEDIAN_CUT")
 PROBABILITIES = ("FITTED", "EXACT", "MIN_VARIANCE")
 MAPS = real_maps()
 
@@ -29,6 +29,7 @@ def all_samplers(image, block_count=1024):
     yield sky.InversionSampler(image)
     yield sky.InversionSampler(image, method="binary")
     yield sky.AliasSampler(image)
+    yield sky.HierarchySampler(image)
     yield sky.UniformSampler()
 
 

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "src/environment_sampler.h"
+#include "src/large_array.h"
+
+namespace skytree {
+
+/// Pyramid of sums over texels, descended by hierarchical sample warping (kernel/hierarchy.h), with
+/// the weights of InversionSampler. A black map is sampled uniformly.
+class HierarchySampler : public EnvironmentSampler {
+ public:
+  /// Throws std::invalid_argument for an empty image.
+  explicit HierarchySampler(const LatLongImage& image);
+
+  EnvSamplerView view() const override;
+  size_t nbytes() const override;
+  double build_seconds() const { return build_seconds_; }
+
+ private:
+  int width_, height_, level_count_ = 1;
+  LargeArray<float> weights_;
+  std::vector<RowWarp> rows_;
+  double build_seconds_ = 0;
+};
+
+}  // namespace skytree
