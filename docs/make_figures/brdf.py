@@ -110,7 +110,9 @@ def make(context: Context) -> None:
     context.table("brdf", rows)
     context.table("brdf_times", times)
     title = f"{entry.name}: {SAMPLES} BSDF samples per pixel, no light samples"
-    context.picture("brdf", plots.labelled_grid(grid, title, list(MATERIALS)))
+    context.picture(
+        "brdf", plots.labelled_grid(grid, title, [name.replace(" ", "\n", 1) for name in MATERIALS])
+    )
 
 
 def bsdf_samples(made: stage.Stage, sampler, seed: int) -> np.ndarray:
