@@ -15,6 +15,7 @@ extern "C" {
 
 SKYTREE_SAMPLER_KERNEL(kdtree_fitted, sample_kdtree_rank(p.sampler.kdtree, p.u[i]))
 SKYTREE_SAMPLER_KERNEL(kdtree_warp, sample_kdtree_warp(p.sampler.kdtree, p.u[i]))
+SKYTREE_SAMPLER_KERNEL(kdtree_linear, sample_kdtree_linear(p.sampler.kdtree, p.u[i]))
 SKYTREE_SAMPLER_KERNEL(inversion_guided, sample_inversion(p.sampler.inversion, p.u[i], true))
 SKYTREE_SAMPLER_KERNEL(inversion_binary, sample_inversion(p.sampler.inversion, p.u[i], false))
 SKYTREE_SAMPLER_KERNEL(alias, sample_alias_table(p.sampler.alias, p.u[i]))

@@ -32,10 +32,9 @@ ROOT = Path(__file__).resolve().parents[2]
 REPORT = ROOT / "build" / "reports" / "cuda_samplers.csv"
 PAGE = ROOT / "docs" / "cuda_samplers.md"
 METHODS = {
-    "kdtree_fitted": lambda image: sky.KdTreeSampler(image),
-    "kdtree_warp": lambda image: sky.KdTreeSampler(
-        image, split_criterion="MIN_VARIANCE", block_probability="MIN_VARIANCE"
-    ),
+    "kdtree_fitted": lambda image: sky.KdTreeSampler(image, 1024),
+    "kdtree_warp": lambda image: least_variance_tree(image, "CONSTANT"),
+    "kdtree_linear": lambda image: least_variance_tree(image, "LINEAR"),
     "inversion_guided": lambda image: sky.InversionSampler(image),
     "inversion_binary": lambda image: sky.InversionSampler(image, method="binary"),
     "alias": lambda image: sky.AliasSampler(image),
@@ -56,6 +55,11 @@ class Row:
     samples_per_pixel: int  # 0: it is about one direction
     quantity: str
     value: float
+
+
+def least_variance_tree(image: np.ndarray, block_density: str) -> sky.KdTreeSampler:
+    criteria = {"split_criterion": "MIN_VARIANCE", "block_probability": "MIN_VARIANCE"}
+    return sky.KdTreeSampler(image, 1024, block_density=block_density, **criteria)
 
 
 def synthetic_map(width: int) -> np.ndarray:

@@ -197,6 +197,8 @@ def _arithmetic(parts: list[str], operands: list[str]) -> str | None:
         if kind == "b32" and operands[0].startswith("%f"):
             value = f"bits_float({value})"
         return f"{target} = {value}"
+    if kind == "pred":
+        return f"{target} = {_logic(op, [_name(o) for o in operands[1:]])}"
     values = [_value(o, "b32" if op == "selp" and i == 2 else kind) for i, o in enumerate(operands[1:])]
     if op == "setp":
         return f"{target} = {_comparison(parts, values)}"
@@ -204,6 +206,13 @@ def _arithmetic(parts: list[str], operands: list[str]) -> str | None:
         return f"{target} = {values[0]} if {values[2]} else {values[1]}"
     expression = _float(op, values) if kind == "f32" else _integer(op, parts, values)
     return expression and f"{target} = {expression}"
+
+
+def _logic(op: str, names: list[str]) -> str:
+    form = {"and": "{0} and {1}", "or": "{0} or {1}", "xor": "bool({0}) != bool({1})", "not": "not {0}"}
+    if op not in form:
+        raise NotImplementedError(f"PTX instruction {op}.pred")
+    return form[op].format(*names)
 
 
 def _comparison(parts: list[str], values: list[str]) -> str:
