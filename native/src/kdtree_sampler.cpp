@@ -85,6 +85,7 @@ KdTreeSampler::KdTreeSampler(const LatLongImage& image, const KdTreeConfig& conf
     warp_layout_ = WarpLayout(tree, blocks, probabilities_, layout_);
     for (size_t b = 0; b < blocks.size(); ++b) probabilities_[b] = warp_layout_.blocks[b].area();
     is_linear() ? place_linear_blocks() : place_blocks_by_warp();
+    if (is_linear()) cut_ = CutTables(tree, blocks, grid_, warp_layout_);
   }
   build_seconds_ = stopwatch.seconds();
 }

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "src/cut_tables.h"
 #include "src/environment_sampler.h"
 #include "src/kdtree_layout.h"
 #include "src/linear_fit.h"
@@ -66,6 +67,8 @@ class KdTreeSampler : public EnvironmentSampler {
   const TreeGrid& grid() const { return grid_; }
   /// Linear density: each block's tilts.
   const std::vector<Tilts>& tilts() const { return tilts_; }
+  /// Linear density: the tree's upper part, for sampling the map times a lobe.
+  CutView cut() const { return cut_.view(); }
   /// What each block is chosen with; the density in it is this by its solid angle.
   const std::vector<double>& probabilities() const { return probabilities_; }
   /// Shares of the map's power, descending: what alpha was fitted to.
@@ -106,6 +109,7 @@ class KdTreeSampler : public EnvironmentSampler {
   std::vector<LinearBlock> linear_blocks_;
   KdTreeLayout layout_;
   WarpLayout warp_layout_;
+  CutTables cut_;  // not among nbytes(), as sample() and pdf() do not read it
 };
 
 }  // namespace skytree
