@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Prints how much variance each choice of blocks and probabilities costs, for docs/method.md.
+"""Prints how much variance each choice of constant blocks and probabilities costs, for docs/method.md.
 
     python docs/measure_variance.py MAP... [--blocks 1024] [--samples 2000000]
 
@@ -78,7 +78,7 @@ def main():
         exact = variance(alias, image, arguments.samples, 1)[0]
         samplers = {"noise": alias, "UNIFORM": sky.UniformSampler()}
         for name, choice in CHOICES.items():
-            samplers[name] = sky.KdTreeSampler(image, arguments.blocks, *choice)
+            samplers[name] = sky.KdTreeSampler(image, arguments.blocks, *choice, block_density="CONSTANT")
         for name, sampler in samplers.items():
             value, largest = variance(sampler, image, arguments.samples, 2)
             rows[name].append(value / exact)
