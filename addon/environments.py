@@ -52,6 +52,11 @@ class SamplerSettings:
         count = cls.block_count if settings.auto_blocks else settings.block_count
         return cls("KDTREE", count, split, probability, settings.auto_blocks, compensation)
 
+    @property
+    def has_density(self) -> bool:
+        """Whether the sampler draws directions; the filtered map only looks up what surfaces reflect."""
+        return self.sampler != "FILTERED"
+
 
 def candidates_of(settings) -> int:
     """What scene.skytree makes of RenderSession.start's argument `candidates`."""

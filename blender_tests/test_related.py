@@ -2,6 +2,7 @@
 """The methods of the related work, as settings of a render and as sides of a comparison."""
 
 import json
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -63,3 +64,14 @@ def test_reports_name_the_methods(lit, tmp_path):
         else:
             assert labels == {"median cut 1024", "hierarchical"}
             assert settings["sample_variance"] > 0
+
+
+def test_the_overlay_draws_no_samples_of_a_filter(skytree):
+    environments, overlay = (scenes.part(skytree, name) for name in ("environments", "pictures.overlay"))
+    image = np.ascontiguousarray(scenes.smooth_map()[..., :3], np.float32)
+    shown = SimpleNamespace(show_blocks=True, opacity=1.0, show_samples=True, sample_count=16)
+    for name in ("FILTERED", "HIERARCHY"):
+        settings = environments.SamplerSettings(name, filter_samples=4)
+        sampler = environments.make_sampler(image, settings)
+        built = environments.BuiltEnvironment(image, sampler, settings, map_size=(64, 32))
+        assert ("dots" in overlay.geometry(SimpleNamespace(built=built), shown)) == (name == "HIERARCHY")

@@ -80,7 +80,7 @@ class Method:
     @property
     def has_density(self) -> bool:
         """Whether the sampler's pdf says how well light samples fit the map."""
-        return self.light_sampling and self.sampler.sampler != "FILTERED"
+        return self.light_sampling and self.sampler.has_density
 
     @property
     def settings(self) -> dict:

@@ -140,7 +140,7 @@ def geometry(current: map_pictures.Current, settings) -> dict[str, tuple[np.ndar
         fills, shades, lines = overlay_geometry.blocks(bounds, width, height, colors)
         parts["fills"] = fills, shades
         parts["lines"] = lines, np.tile(np.float32(LINE_COLOR), (len(lines), 1))
-    if settings.show_samples:
+    if settings.show_samples and built.settings.has_density:
         samples, _pdf = built.sampler.sample(overlay_geometry.low_discrepancy(settings.sample_count))
         dots = overlay_geometry.dots(samples, DOT_RADIANS)
         parts["dots"] = dots, np.tile(np.float32(DOT_COLOR), (len(dots), 1))
