@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures of the map and the overlay's geometry: what they show, on maps whose picture is known."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -178,3 +180,11 @@ def test_the_overlay_turns_with_the_map(skytree, scene):
     direction = np.array((0.48, 0.6, 0.64))
     in_world = placed[:3, :3] @ direction
     assert np.allclose(environment.world_to_env @ in_world, 3.0 * direction, atol=1e-5)
+
+
+def test_captions_say_what_is_drawn(skytree, tree):
+    caption = part(skytree, "pictures.panel").caption
+    current = SimpleNamespace(built=SimpleNamespace(sampler=tree[1]))
+    assert "64 blocks" in caption("BLOCKS", current)
+    assert f"alpha {tree[1].alpha:.3g}" in caption("PDF", current)
+    assert "Grey" in caption("EXPOSURE", None) and caption("PDF", None) == ""

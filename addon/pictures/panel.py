@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 from bpy.props import IntProperty
 
+from ..problems.panel import wrapped
 from . import map_pictures
 
 
@@ -25,6 +26,11 @@ class _PicturePanel:
         icon = map_pictures.icon(settings.picture)
         if icon:
             layout.template_icon(icon, scale=min(max(context.region.width / 24.0, 6.0), 16.0))
+            column = layout.column(align=True)
+            column.scale_y = 0.8
+            characters = max(round(context.region.width / (7.5 * context.preferences.system.ui_scale)), 20)
+            for line in wrapped(caption(settings.picture, map_pictures.current()), characters):
+                column.label(text=line)
         elif map_pictures.problem():
             layout.label(text=map_pictures.problem(), icon="ERROR")
         else:
@@ -33,6 +39,21 @@ class _PicturePanel:
             text = "The world has no map, or no kd-tree samples it" if needs_tree else "Drawing"
             layout.label(text=text, icon="INFO")
         layout.operator("skytree.picture_image", icon="IMAGE_DATA")
+
+
+def caption(kind: str, current) -> str:
+    """What a picture shows, in the words of a panel."""
+    if kind == "EXPOSURE":
+        return "Stops about the map's median. Grey: share of the sphere; orange: share of the light."
+    sampler = current.built.sampler if current is not None else None
+    if not hasattr(sampler, "block_count"):
+        return ""
+    if kind == "PDF":
+        return (
+            f"Probabilities of the {sampler.block_count} blocks in descending order. Dots: of the map; "
+            f"line: the fitted model, alpha {sampler.alpha:.3g}."
+        )
+    return f"Above: the map with its {sampler.block_count} blocks. Below: rebuilt from the blocks alone."
 
 
 class SKYTREE_WORLD_PT_pictures(_PicturePanel, bpy.types.Panel):
