@@ -60,8 +60,9 @@ def main() -> int:
     try:
         maps = Maps(arguments.blender_python if arguments.blender_python.exists() else None)
         if arguments.pages:
-            page = pages.write(HERE / "text", arguments.out, FIGURES, maps)
-            console.print(f"Wrote {page}", highlight=False)
+            page, missing = pages.write(HERE / "text", arguments.out, FIGURES, maps)
+            without = f", without {', '.join(missing)}, which have not been made" if missing else ""
+            console.print(f"Wrote {page}{without}", highlight=False)
             return 0
         failed = make_all(arguments, maps, console)
     except KeyboardInterrupt:

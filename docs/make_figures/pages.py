@@ -32,15 +32,36 @@ class PageError(Exception):
     """A text refers to something that no table has; the message says what."""
 
 
-def write(texts: Path, out: Path, figures: tuple[str, ...], maps: Maps) -> Path:
-    """Writes results.md from the texts of all figures."""
+class MissingError(PageError):
+    """The table or the picture has not been made."""
+
+
+def write(texts: Path, out: Path, figures: tuple[str, ...], maps: Maps) -> tuple[Path, list[str]]:
+    """Writes results.md from the texts of all figures; returns it and the names of those left out, as a
+    table or a picture has not been made yet."""
     page = place(out, "results.md")
-    names = ["results", *(name for name in figures if (texts / f"{name}.md").exists()), "results_end"]
-    text = "\n".join((texts / f"{name}.md").read_text() for name in names if (texts / f"{name}.md").exists())
+    link = os.path.relpath(out, page.parent)
+    parts, missing = [], []
+    for name in ("results", *figures, "results_end"):
+        if not (texts / f"{name}.md").exists():
+            continue
+        try:
+            part = fill((texts / f"{name}.md").read_text(), out, link, maps.named)
+            _check_links(part, out, link)
+            parts.append(part)
+        except MissingError:
+            missing.append(name)
+    text = "\n".join(parts)
     if not maps.has_the_papers:
         text = text.replace("\n", f"\n{STAND_IN_NOTE}", 1)
-    page.write_text(fill(text, out, os.path.relpath(out, page.parent), maps.named))
-    return page
+    page.write_text(text)
+    return page, missing
+
+
+def _check_links(text: str, out: Path, link: str) -> None:
+    for name in re.findall(rf"\]\({re.escape(link)}/([^)]+)\)", text):
+        if not (out / name).exists():
+            raise MissingError(f"there is no {out / name}; run the command without --only")
 
 
 def place(out: Path, name: str) -> Path:
@@ -99,7 +120,7 @@ def _format(value: str, form: str) -> str:
 
 def read_table(file: Path) -> list[dict[str, str]]:
     if not file.exists():
-        raise PageError(f"there is no {file}; run the command without --only")
+        raise MissingError(f"there is no {file}; run the command without --only")
     return _read_table(file, file.stat().st_mtime_ns)
 
 
