@@ -427,10 +427,11 @@ def scenario_disable_ten_times(w):
     keymap = bpy.context.window_manager.keyconfigs.addon.keymaps["3D View"]
     keys = len(keymap.keymap_items)
     resident = []
-    for _ in range(10):
+    for round_ in range(10):
         scene = w.scene
-        scene.skytree_compare.mode = "SPLIT"
-        scene.skytree_overlay.show_blocks = True
+        scene.skytree.max_bounces = 0
+        scene.skytree_compare.mode = "SPLIT" if round_ % 2 else "OFF"
+        scene.skytree_overlay.show_blocks = round_ < 2  # slow to draw in software
         w.shade("RENDERED")
         yield from w.until(w.renderers, what="a renderer")
         yield 0.1
