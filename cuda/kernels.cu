@@ -3,9 +3,9 @@
 // the CPU.
 //
 // Where the tables live: kernel parameters are in constant memory (views, settings); the kd-tree's
-// tables, at most 48 KB, are read through L1, where they stay, since each block of threads reads
-// them all over: shared memory would hold them no closer, and would cost a copy per block and the
-// occupancy.
+// tables, about 50 KB at most, are read through L1, where they stay, since each block of threads
+// reads them all over: shared memory would hold them no closer, and would cost a copy per block and
+// the occupancy.
 #include "cuda/kernel_parameters.h"
 #include "kernel/draw_samples.h"
 
