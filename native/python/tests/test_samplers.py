@@ -366,6 +366,6 @@ def test_types_are_declared():
     assert (package / "py.typed").exists()
     stubs = (package / "_native.pyi").read_text()
     for name in sky.__all__:
-        if name != "read_image":
+        if name not in ("read_image", "resampled", "stratified"):  # these are Python
             assert name in stubs
     assert os.path.exists(package / "__init__.py")
