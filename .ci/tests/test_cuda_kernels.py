@@ -38,8 +38,11 @@ def test_sampling_kernels_use_no_local_memory(compiled, kernel):
     assert (compiled[kernel].spills, compiled[kernel].stack) == (0, 0)
 
 
-def test_no_kernel_spills(compiled):
-    assert {name: k.spills for name, k in compiled.items() if k.spills} == {}
+def test_only_the_renderer_spills_and_little(compiled):
+    # Resampling of light samples made it spill 100 bytes, outside of what draws directions (docs/cuda.md).
+    spilt = {name: k.spills for name, k in compiled.items() if k.spills}
+    assert spilt.pop("render_pass", 0) <= 128
+    assert spilt == {}
 
 
 def test_four_blocks_of_the_renderer_fit_on_a_multiprocessor(compiled):
