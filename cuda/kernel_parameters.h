@@ -47,6 +47,16 @@ struct TraceParameters {
   bool any;
 };
 
+/// pilot_tiles: factors[i] = pilot_tile of tile i, row by row from (first_x, first_y) on.
+struct PilotParameters {
+  SceneView scene;
+  TracerView tracer;
+  RenderSettings settings;
+  int first_x, first_y, columns;
+  uint32_t count;
+  float* factors;
+};
+
 /// render_pass: adds samples first_sample … + sample_count - 1 of each pixel of the region to the
 /// film.
 struct PassParameters {

@@ -40,6 +40,14 @@ __global__ void __launch_bounds__(kThreads) trace_rays(const __grid_constant__ T
   if (i < p.count) p.out[i] = trace_ray(p.tracer, p.instances, p.rays[i], p.any);
 }
 
+__global__ void __launch_bounds__(kThreads) pilot_tiles(const __grid_constant__ PilotParameters p) {
+  const uint32_t i = thread_index();
+  if (i >= p.count) return;
+  const int tile = static_cast<int>(i);
+  p.factors[i] = pilot_tile(p.scene, p.tracer, p.settings, p.first_x + tile % p.columns,
+                            p.first_y + tile / p.columns);
+}
+
 __global__ void __launch_bounds__(kThreads, kRenderBlocks)
     render_pass(const __grid_constant__ PassParameters p) {
   // A warp takes 8 x 4 neighbouring pixels: their rays visit the same nodes.

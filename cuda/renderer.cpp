@@ -42,6 +42,7 @@ class GpuState {
   void reserve_film(size_t pixels);
   void start_copy(size_t pixels, int samples);
   std::shared_ptr<PinnedBuffer> free_image(size_t bytes);
+  TileControls pilot(const DeviceJob& job, const RenderSettings& settings);
 
   ContextPointer context_;
   DeviceScene scene_;
@@ -50,6 +51,7 @@ class GpuState {
   // Page-locked images, those that somebody still looks at among them.
   std::vector<std::shared_ptr<PinnedBuffer>> images_;
   std::shared_ptr<PinnedBuffer> arriving_;
+  Buffer controls_;  // a float per tile
   Stream compute_, copy_;  // after the buffers, so that they are drained before the buffers go
   Event rendered_, snapshot_taken_, copied_;
 };
@@ -101,6 +103,27 @@ void GpuState::start_copy(size_t pixels, int samples) {
   copied_.record(copy_);
 }
 
+/// The control variate's factor for every tile that the region touches.
+TileControls GpuState::pilot(const DeviceJob& job, const RenderSettings& settings) {
+  PilotParameters pilot = {};
+  pilot.scene = scene_.view();
+  pilot.tracer = scene_.tracer();
+  pilot.settings = settings;
+  pilot.first_x = job.x0 / kTileSize;
+  pilot.first_y = job.y0 / kTileSize;
+  pilot.columns = (job.x0 + job.width - 1) / kTileSize + 1 - pilot.first_x;
+  const int rows = (job.y0 + job.height - 1) / kTileSize + 1 - pilot.first_y;
+  pilot.count = uint32_t(pilot.columns * rows);
+  if (controls_.bytes() != pilot.count * sizeof(float)) {
+    controls_ = Buffer();
+    controls_ = Buffer(context_, pilot.count * sizeof(float));
+  }
+  pilot.factors = controls_.writable<float>();
+  launch(*context_, compute_, "pilot_tiles", (pilot.count + kThreads - 1) / kThreads, kThreads,
+         pilot);
+  return {pilot.factors, pilot.first_x, pilot.first_y, pilot.columns};
+}
+
 void GpuState::render(const DeviceJob& job, const std::atomic<bool>& cancel,
                       const DeviceRenderer::Deliver& deliver) {
   if (!scene_.update(job.scene, job.sampler, job.settings.filter_table, cancel)) return;
@@ -113,6 +136,7 @@ void GpuState::render(const DeviceJob& job, const std::atomic<bool>& cancel,
   pass.tracer = scene_.tracer();
   pass.settings = job.settings;
   pass.settings.filter_table = scene_.filter_table();
+  if (job.control_variate) pass.settings.controls = pilot(job, pass.settings);
   pass.x0 = job.x0;
   pass.y0 = job.y0;
   pass.width = job.width;

@@ -10,7 +10,7 @@ struct StageParameters {
   PassParameters pass;
   PathState* paths;
   Hit* hits;
-  Connection* connections;  // two a path
+  Connection* connections;  // kMaxConnections a path
   int* connection_counts;
   bool* alive;
   uint32_t count, sample;
@@ -29,12 +29,11 @@ __global__ void __launch_bounds__(kThreads) stage_shade(const __grid_constant__ 
   const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i >= p.count || !p.alive[i]) return;
   PathState path = p.paths[i];
-  Connection connections[2];
+  Connection connections[kMaxConnections];
   int made = 0;
-  const VertexRandom random =
-      vertex_random(path.seed, p.sample, path.bounce + path.transparent_bounces);
-  p.alive[i] = shade(p.pass.scene, p.pass.settings, p.hits[i], random, &path, connections, &made);
-  for (int k = 0; k < made; ++k) p.connections[2 * i + k] = connections[k];
+  const int vertex = path.bounce + path.transparent_bounces;
+  p.alive[i] = shade(p.pass.scene, p.pass.settings, p.hits[i], vertex, &path, connections, &made);
+  for (int k = 0; k < made; ++k) p.connections[kMaxConnections * i + k] = connections[k];
   p.connection_counts[i] = made;
   p.paths[i] = path;
 }
@@ -44,11 +43,10 @@ __global__ void __launch_bounds__(kThreads)
   const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i >= p.count) return;
   for (int k = 0; k < p.connection_counts[i]; ++k) {
-    Connection connection = p.connections[2 * i + k];
+    Connection connection = p.connections[kMaxConnections * i + k];
     uint32_t rays = 0;
     if (trace_connection(p.pass.scene, p.pass.tracer, &connection, &rays)) {
-      const Vec2 uv = environment_uv(p.pass.scene.environment, connection.ray.direction);
-      p.paths[i].radiance += connection_radiance(p.pass.scene, connection, uv);
+      p.paths[i].radiance += connection.weight;
     }
   }
 }

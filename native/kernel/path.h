@@ -6,7 +6,7 @@
 #pragma once
 
 #include "kernel/bvh.h"
-#include "kernel/stages.h"
+#include "kernel/pilot.h"
 
 namespace skytree {
 
@@ -32,7 +32,8 @@ SKY_HD bool trace_connection(const SceneView& scene, const TracerView& tracer,
 SKY_HD void begin_path(const SceneView& scene, const RenderSettings& settings, int x, int y,
                        uint32_t sample, PathState* path) {
   const uint32_t seed = pixel_seed(settings.seed, x, y, settings.blue_noise);
-  start_path(scene, settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter), path);
+  start_path(scene, settings, x, y, seed, sample, random_pair(seed, sample, kPairFilter),
+             control_of_pixel(settings, x, y), path);
 }
 
 /// From one vertex to the next: traces, shades, traces the connections. False when the path ends.
@@ -40,14 +41,12 @@ SKY_HD bool advance_path(const SceneView& scene, const TracerView& tracer,
                          const RenderSettings& settings, int vertex, PathState* path,
                          uint32_t* rays) {
   const Hit hit = trace_ray(tracer, scene.instances, path->ray, false);
-  Connection connections[2];
+  Connection connections[kMaxConnections];
   int count = 0;
-  const VertexRandom random = vertex_random(path->seed, path->sample, vertex);
-  const bool alive = shade(scene, settings, hit, random, path, connections, &count);
+  const bool alive = shade(scene, settings, hit, vertex, path, connections, &count);
   for (int i = 0; i < count; ++i) {
     if (trace_connection(scene, tracer, &connections[i], rays)) {
-      path->radiance += connection_radiance(
-          scene, connections[i], environment_uv(scene.environment, connections[i].ray.direction));
+      path->radiance += connections[i].weight;
     }
   }
   ++*rays;
@@ -64,6 +63,21 @@ SKY_HD PathResult trace_path(const SceneView& scene, const TracerView& tracer,
   int vertex = 0;
   while (advance_path(scene, tracer, settings, vertex, &path, &rays)) ++vertex;
   return {path.radiance, path.alpha, rays};
+}
+
+/// Factor on the control variate of tile (tile_x, tile_y) of a film of width x height pixels.
+SKY_HD float pilot_tile(const SceneView& scene, const TracerView& tracer,
+                        const RenderSettings& settings, int tile_x, int tile_y) {
+  const RenderSettings without = pilot_settings(settings, 0.0f);
+  const RenderSettings with = pilot_settings(settings, 1.0f);
+  PilotSums sums = {0.0f, 0.0f};
+  for (int i = 0; i < kPilotPaths; ++i) {
+    const int x = tile_x * kTileSize + pilot_x(i), y = tile_y * kTileSize + pilot_y(i);
+    if (x >= scene.camera.width || y >= scene.camera.height) continue;
+    add_pilot(trace_path(scene, tracer, without, x, y, 0).radiance,
+              trace_path(scene, tracer, with, x, y, 0).radiance, &sums);
+  }
+  return control_factor(sums);
 }
 
 /// Sums of a pixel's samples, as the host's film keeps them: double, because float sums drift after

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernel/camera.h"
+#include "kernel/diffuse_moments.h"
 #include "kernel/env_sampler.h"
 #include "kernel/filter.h"
 #include "kernel/material.h"
@@ -12,9 +13,10 @@ namespace skytree {
 struct EnvironmentView {
   LatLongImage image;
   EnvSamplerView sampler;
-  Mat3 world_to_env;  // rotation
-  Vec3 color;         // factor on the image
-  bool visible;       // to camera rays
+  Mat3 world_to_env;       // rotation
+  Vec3 color;              // factor on the image
+  bool visible;            // to camera rays
+  DiffuseMoments moments;  // of the image; zeros where the control variate is off
 };
 
 struct SceneView {
@@ -29,6 +31,19 @@ struct SceneView {
   bool has_transparency;  // some material lets rays through
 };
 
+/// Pixels along the edge of a tile. Tiles lie on a grid fixed to the film's lower left corner.
+constexpr int kTileSize = 16;
+
+/// Factor on the control variate of each tile in a rectangle of them, row by row.
+struct TileControls {
+  const float* factors;  // null: RenderSettings::control for all
+  int first_x, first_y;  // tiles
+  int columns;
+};
+
+/// Light samples of a vertex, at most.
+constexpr int kMaxLightRays = 4;
+
 struct RenderSettings {
   uint32_t seed;
   int max_bounces;  // 0: the environment as the first surface sees it
@@ -41,7 +56,18 @@ struct RenderSettings {
   // samples or not; bsdf_sampling must be off.
   int candidates = 0;
   bool bsdf_candidates = false;
+  int light_rays = 1;          // at the first vertex, where it is not sharp; up to kMaxLightRays
+  float control = 0.0f;        // factor on the control variate, kernel/estimators.h
+  TileControls controls = {};
 };
+
+/// Factor on the control variate for a pixel.
+SKY_HD float control_of_pixel(const RenderSettings& settings, int x, int y) {
+  const TileControls& tiles = settings.controls;
+  if (!tiles.factors) return settings.control;
+  return tiles
+      .factors[(y / kTileSize - tiles.first_y) * tiles.columns + x / kTileSize - tiles.first_x];
+}
 
 /// Where in the map a world direction points.
 SKY_HD Vec2 environment_uv(const EnvironmentView& environment, Vec3 direction) {

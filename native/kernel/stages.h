@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The path tracer, one function per stage. A host loop or a GPU kernel runs each over a batch of
 // paths:
-//   start_path -> [trace] -> shade -> [trace connections] -> connection_radiance -> ... -> film
+//   start_path -> [trace] -> shade -> [trace connections] -> add their weights -> ... -> film
 // Tracing lies between the stages and is not part of them.
 //
 // Next-event estimation on the environment with multiple importance sampling by the balance
@@ -9,6 +9,7 @@
 // chapter 9.
 #pragma once
 
+#include "kernel/estimators.h"
 #include "kernel/resampling.h"
 
 namespace skytree {
@@ -17,48 +18,52 @@ struct PathState {
   Ray ray;
   Vec3 throughput;
   Vec3 radiance;
+  Vec3 sky;  // what `ray` brings if it leaves the scene; unset for a camera ray, bounce 0
   float alpha;
-  float bsdf_pdf;  // with which `ray` was drawn; 0 for a camera ray
-  uint32_t seed;   // of the pixel
+  float control;  // factor on the first vertex's control variate, kernel/estimators.h
+  uint32_t seed;  // of the pixel
   uint32_t sample;
   int bounce;
   int transparent_bounces;
 };
 
-/// A ray to the environment that counts only if nothing is in its way.
+/// A ray to the environment and what it brings unless something is in its way.
 struct Connection {
   Ray ray;
-  Vec3 weight;     // throughput times BSDF and cosine
-  float pdf;       // the part of the MIS denominator that is known before tracing
-  bool from_bsdf;  // the sampler's pdf is still to be added
+  Vec3 weight;
 };
 
 /// Pairs of random numbers: one for the camera, then kPairsPerBounce for each vertex.
-enum RandomPair : uint32_t { kPairFilter = 0, kPairLight = 1, kPairsPerBounce = 3 };
+enum RandomPair : uint32_t { kPairFilter = 0, kPairVertex = 1, kPairsPerBounce = 3 };
 
-/// The random numbers of one vertex. A batch draws them in a loop of their own, which vectorises.
+/// The pairs of one vertex, from first_pair on.
+enum VertexPair : uint32_t { kPairLight = 0, kPairBsdf = 1, kPairChoice = 2 };
+
+constexpr int kMaxTransparentBounces = 64;
+constexpr int kFirstRouletteBounce = 4;
+constexpr int kMaxConnections = kMaxLightRays + 1;  // of one vertex
+
+SKY_HD uint32_t first_pair(int vertex) {
+  return kPairVertex + kPairsPerBounce * static_cast<uint32_t>(vertex);
+}
+
+/// The random numbers of one vertex, all of them.
 struct VertexRandom {
   Vec2 light, bsdf, choice;
 };
 
-constexpr int kMaxTransparentBounces = 64;
-constexpr int kFirstRouletteBounce = 4;
-
-/// Its pairs follow in the order of VertexRandom.
-SKY_HD uint32_t first_pair(int vertex) {
-  return kPairLight + kPairsPerBounce * static_cast<uint32_t>(vertex);
-}
-
-SKY_HD VertexRandom vertex_random(uint32_t seed, uint32_t sample, int vertex) {
+SKY_HD VertexRandom vertex_random(const PathState& path, int vertex) {
   const uint32_t first = first_pair(vertex);
-  return {random_pair(seed, sample, first), random_pair(seed, sample, first + 1),
-          random_pair(seed, sample, first + 2)};
+  return {random_pair(path.seed, path.sample, first + kPairLight),
+          random_pair(path.seed, path.sample, first + kPairBsdf),
+          random_pair(path.seed, path.sample, first + kPairChoice)};
 }
 
 /// Stage 1: the camera ray of sample `sample` of pixel (x,y), `filter_u` its random pair
 /// kPairFilter.
 SKY_HD void start_path(const SceneView& scene, const RenderSettings& settings, int x, int y,
-                       uint32_t seed, uint32_t sample, Vec2 filter_u, PathState* path) {
+                       uint32_t seed, uint32_t sample, Vec2 filter_u, float control,
+                       PathState* path) {
   const float film_x =
       static_cast<float>(x) + 0.5f + sample_filter(settings.filter_table, filter_u.x);
   const float film_y =
@@ -66,25 +71,13 @@ SKY_HD void start_path(const SceneView& scene, const RenderSettings& settings, i
   path->ray = camera_ray(scene.camera, film_x, film_y);
   path->throughput = {1, 1, 1};
   path->radiance = {0, 0, 0};
+  path->sky = {0, 0, 0};
   path->alpha = 1.0f;
-  path->bsdf_pdf = 0.0f;
+  path->control = control;
   path->seed = seed;
   path->sample = sample;
   path->bounce = 0;
   path->transparent_bounces = 0;
-}
-
-/// Radiance that an unoccluded connection brings; `uv` is environment_uv of its direction, apart so
-/// that a batch can fetch its texels ahead: in a large map nearly every look-up waits for memory.
-SKY_HD Vec3 connection_radiance(const SceneView& scene, const Connection& connection, Vec2 uv) {
-  const EnvironmentView& environment = scene.environment;
-  float pdf = connection.pdf;
-  if (connection.from_bsdf) {
-    pdf +=
-        environment_pdf(environment.sampler, environment.world_to_env * connection.ray.direction);
-  }
-  return connection.weight * environment.color * sampled_radiance(environment, uv, pdf) *
-         (1.0f / pdf);
 }
 
 /// A connection that met a surface, in scenes with transparency: what the surface lets through goes
@@ -102,63 +95,157 @@ SKY_HD bool pass_through(const SceneView& scene, const Hit& hit, Connection* con
 
 /// A path whose ray left the scene.
 SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, PathState* path) {
-  const EnvironmentView& environment = scene.environment;
-  if (path->bsdf_pdf == 0.0f) {
-    if (settings.film_transparent) {
-      path->alpha = 1.0f - mean_component(path->throughput);
-    } else if (environment.visible) {
-      path->radiance += path->throughput * environment_radiance(environment, path->ray.direction);
-    }
-    return;
+  if (path->bounce > 0) {
+    path->radiance += path->sky;
+  } else if (settings.film_transparent) {
+    path->alpha = 1.0f - mean_component(path->throughput);
+  } else if (scene.environment.visible) {
+    path->radiance +=
+        path->throughput * environment_radiance(scene.environment, path->ray.direction);
   }
-  if (!settings.bsdf_sampling) return;
-  const Vec3 direction = environment.world_to_env * path->ray.direction;
-  const float light_pdf =
-      settings.light_sampling ? environment_pdf(environment.sampler, direction) : 0.0f;
-  // The throughput was divided by bsdf_pdf when the ray was drawn.
-  const float weight = path->bsdf_pdf / (path->bsdf_pdf + light_pdf);
-  path->radiance += path->throughput * environment.color *
-                    sampled_radiance(environment, latlong_uv(direction), path->bsdf_pdf) * weight;
 }
 
-/// Light sample: at most one connection, false if there is none.
-SKY_HD bool sample_light(const SceneView& scene, const RenderSettings& settings,
-                         const PathState& path, const Surface& surface, const Shading& shading,
-                         const VertexRandom& random, Connection* connection) {
+/// The light samples of a vertex: connections, and their part of the control variate into the
+/// path's radiance. Returns the number of connections.
+SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings, int vertex,
+                         int light_rays, float control, float choice, const Surface& surface,
+                         const Shading& shading, PathState* path, Connection* connections) {
   const EnvironmentView& environment = scene.environment;
   if (settings.candidates > 0) {
-    const uint32_t vertex = (uint32_t)(path.bounce + path.transparent_bounces);
+    const VertexRandom random = vertex_random(*path, vertex);
     ResampledLight light = {};
-    if (!resample_light(environment, surface, shading, -path.ray.direction, settings.candidates,
+    if (!resample_light(environment, surface, shading, -path->ray.direction, settings.candidates,
                         settings.bsdf_candidates, {random.choice.x, random.light.x, random.light.y},
                         {random.choice.y, random.bsdf.x, random.bsdf.y},
-                        unit_float(hash_u32(path.seed + hash_u32(path.sample + hash_u32(vertex)))),
+                        unit_float(hash_u32(path->seed + hash_u32(path->sample +
+                                                                  hash_u32((uint32_t)vertex)))),
                         &light)) {
-      return false;
+      return 0;
     }
-    connection->ray = {offset_origin(surface, light.direction), 0.0f, light.direction, INFINITY};
-    connection->weight = path.throughput * light.f;
-    connection->pdf = light.pdf;
-    connection->from_bsdf = false;
-    return true;
+    connections[0] = {
+        {offset_origin(surface, light.direction), 0.0f, light.direction, INFINITY},
+        path->throughput * light.f * environment_radiance(environment, light.direction) *
+            (1.0f / light.pdf)};
+    return 1;
   }
-  const DirectionSample light =
-      sample_environment(environment.sampler, {random.choice.x, random.light.x, random.light.y});
-  const Vec3 direction = transpose_mul(environment.world_to_env, light.direction);
-  const BsdfValue bsdf = eval_bsdf(shading, surface, -path.ray.direction, direction);
-  if (!(max_component(bsdf.f) > 0.0f) || !(light.pdf > 0.0f)) return false;
-  connection->ray = {offset_origin(surface, direction), 0.0f, direction, INFINITY};
-  connection->weight = path.throughput * bsdf.f;
-  connection->pdf = light.pdf + (settings.bsdf_sampling ? bsdf.pdf : 0.0f);
-  connection->from_bsdf = false;
+  int count = 0;
+  for (int i = 0; i < light_rays; ++i) {
+    const Vec2 u = random_pair(path->seed, light_index(path->sample, light_rays, i),
+                               first_pair(vertex) + kPairLight);
+    const DirectionSample light =
+        sample_environment(environment.sampler, {light_choice(choice, light_rays, i), u.x, u.y});
+    if (!(light.pdf > 0.0f)) continue;
+    const Vec3 direction = transpose_mul(environment.world_to_env, light.direction);
+    const BsdfValue bsdf = eval_bsdf(shading, surface, -path->ray.direction, direction);
+    const float density =
+        mixture_density(light_rays, light.pdf, bsdf_ray_count(settings), bsdf.pdf);
+    const Vec3 incoming =
+        path->throughput * environment_radiance(environment, direction) * (1.0f / density);
+    if (control > 0.0f) path->radiance += -(incoming * control_value(shading, direction) * control);
+    if (!(max_component(bsdf.f) > 0.0f)) continue;
+    connections[count++] = {{offset_origin(surface, direction), 0.0f, direction, INFINITY},
+                            incoming * bsdf.f};
+  }
+  return count;
+}
+
+/// Whether all that a BSDF ray of vertex `bounce` can bring is the environment: then asking whether
+/// it hits at all is cheaper than following it.
+SKY_HD bool ends_in_sky(const SceneView& scene, const RenderSettings& settings, int bounce) {
+  return bounce == settings.max_bounces && !scene.has_emission && !scene.has_transparency;
+}
+
+/// Takes the BSDF sample as the path's next ray; false where roulette ends it. One number per
+/// vertex is left over for that: the light's choice, which the light sample has used up on its own.
+SKY_HD bool continue_path(const BsdfValue& bsdf, const Ray& next, Vec3 sky, float roulette,
+                          PathState* path) {
+  path->throughput *= bsdf.f * (1.0f / bsdf.pdf);
+  path->sky = sky;
+  if (path->bounce >= kFirstRouletteBounce) {
+    const float survive = minf(1.0f, max_component(path->throughput));
+    if (roulette >= survive) return false;
+    path->throughput *= 1.0f / survive;
+    path->sky *= 1.0f / survive;
+  }
+  path->ray = next;
+  ++path->bounce;
   return true;
 }
 
-/// Stage 3: shades the vertex that `hit` describes. Writes up to two connections and their number,
-/// and the next ray into the path; returns whether the path goes on.
+/// Shades vertex number `vertex`, a point of a surface whose material is evaluated. Writes up to
+/// kMaxConnections connections and their number, and the next ray into the path; returns whether
+/// the path goes on.
+SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings, const Hit& hit,
+                          const Surface& surface, const Shading& shading, int vertex,
+                          PathState* path, Connection* connections, int* connection_count) {
+  *connection_count = 0;
+  const Vec3 view = -path->ray.direction;
+  path->radiance += path->throughput * shading.emission;
+  const EnvironmentView& environment = scene.environment;
+  const bool last = path->bounce > settings.max_bounces;  // only emission is still wanted here
+  const int light_rays =
+      last || shading.count == 0 ? 0 : light_ray_count(settings, path->bounce, shading);
+  const float control = light_rays > 0 && path->bounce == 0 ? path->control : 0.0f;
+  const Vec2 choices = random_pair(path->seed, path->sample, first_pair(vertex) + kPairChoice);
+  if (light_rays > 0) {
+    if (control > 0.0f) {
+      path->radiance += path->throughput * control_integral(environment, shading) * control;
+    }
+    *connection_count = sample_lights(scene, settings, vertex, light_rays, control, choices.x,
+                                      surface, shading, path, connections);
+  }
+
+  float choice = choices.y;
+  const float through = mean_component(shading.transparency);
+  if (through > 0.0f) {
+    float reflected = 0.0f;
+    for (int i = 0; i < shading.count; ++i) reflected += mean_component(shading.lobes[i].weight);
+    const float p = last ? 1.0f : through / (through + reflected);
+    if (choice < p) {
+      if (++path->transparent_bounces > kMaxTransparentBounces) return false;
+      // To the vertex before, the surface is only a filter, as it is to its light samples.
+      const Vec3 filter = shading.transparency * (1.0f / p);
+      path->throughput *= filter;
+      path->sky *= filter;
+      path->ray.origin = offset_origin(surface, path->ray.direction);
+      path->ray.t_max -= hit.t;
+      return path->ray.t_max > 0.0f;
+    }
+    choice = (choice - p) / (1.0f - p);
+    path->throughput *= 1.0f / (1.0f - p);
+  }
+  if (shading.count == 0 || last) return false;
+
+  const Vec3 direction = sample_bsdf(
+      shading, view, choice, random_pair(path->seed, path->sample, first_pair(vertex) + kPairBsdf));
+  const BsdfValue bsdf = eval_bsdf(shading, surface, view, direction);
+  if (!(bsdf.pdf > 0.0f)) return false;
+  Vec3 sky = {0, 0, 0};
+  if (settings.bsdf_sampling) {
+    const float light_pdf =
+        light_rays > 0 ? environment_pdf(environment.sampler, environment.world_to_env * direction)
+                       : 0.0f;
+    const float density = mixture_density(light_rays, light_pdf, 1.0f, bsdf.pdf);
+    const Vec3 incoming =
+        path->throughput *
+        (environment.color *
+         sampled_radiance(environment, environment_uv(environment, direction), bsdf.pdf)) *
+        (1.0f / density);
+    if (control > 0.0f) path->radiance += -(incoming * control_value(shading, direction) * control);
+    sky = incoming * bsdf.f;
+  }
+  if (!(max_component(bsdf.f) > 0.0f)) return false;
+  const Ray next = {offset_origin(surface, direction), 0.0f, direction, INFINITY};
+  if (ends_in_sky(scene, settings, path->bounce)) {
+    if (settings.bsdf_sampling) connections[(*connection_count)++] = {next, sky};
+    return false;
+  }
+  return continue_path(bsdf, next, sky, choices.x, path);
+}
+
+/// Stage 3: shades vertex number `vertex`, which `hit` describes; as shade_surface.
 SKY_HD bool shade(const SceneView& scene, const RenderSettings& settings, const Hit& hit,
-                  const VertexRandom& random, PathState* path, Connection* connections,
-                  int* connection_count) {
+                  int vertex, PathState* path, Connection* connections, int* connection_count) {
   *connection_count = 0;
   if (hit.instance < 0) {
     shade_miss(scene, settings, path);
@@ -172,58 +259,8 @@ SKY_HD bool shade(const SceneView& scene, const RenderSettings& settings, const 
   Shading shading;
   evaluate_material(scene.tables, scene.materials[surface.material], mesh, instance, hit, surface,
                     view, &shading);
-  path->radiance += path->throughput * shading.emission;
-
-  const bool last = path->bounce > settings.max_bounces;  // only emission is still wanted here
-  if (settings.light_sampling && shading.count > 0 && !last &&
-      sample_light(scene, settings, *path, surface, shading, random, connections)) {
-    *connection_count = 1;
-  }
-
-  float choice = random.choice.y;
-  const float through = mean_component(shading.transparency);
-  if (through > 0.0f) {
-    float reflected = 0.0f;
-    for (int i = 0; i < shading.count; ++i) reflected += mean_component(shading.lobes[i].weight);
-    const float p = last ? 1.0f : through / (through + reflected);
-    if (choice < p) {
-      if (++path->transparent_bounces > kMaxTransparentBounces) return false;
-      // bsdf_pdf stays: to the vertex before, the surface is only a filter, and so it is to its
-      // light sample.
-      path->throughput *= shading.transparency * (1.0f / p);
-      path->ray.origin = offset_origin(surface, path->ray.direction);
-      path->ray.t_max -= hit.t;
-      return path->ray.t_max > 0.0f;
-    }
-    choice = (choice - p) / (1.0f - p);
-    path->throughput *= 1.0f / (1.0f - p);
-  }
-  if (shading.count == 0 || last) return false;
-
-  const Vec3 direction = sample_bsdf(shading, view, choice, random.bsdf);
-  const BsdfValue bsdf = eval_bsdf(shading, surface, view, direction);
-  if (!(bsdf.pdf > 0.0f) || !(max_component(bsdf.f) > 0.0f)) return false;
-  const Ray next = {offset_origin(surface, direction), 0.0f, direction, INFINITY};
-  if (path->bounce == settings.max_bounces && !scene.has_emission && !scene.has_transparency) {
-    // Whatever this ray hits would stay black: asking whether it hits at all is cheaper.
-    if (settings.bsdf_sampling) {
-      connections[(*connection_count)++] = {next, path->throughput * bsdf.f, bsdf.pdf,
-                                            settings.light_sampling};
-    }
-    return false;
-  }
-  path->throughput *= bsdf.f * (1.0f / bsdf.pdf);
-  if (path->bounce >= kFirstRouletteBounce) {
-    const float survive = minf(1.0f, max_component(path->throughput));
-    // One number per vertex is left over: the light's choice, which the NEE ray has already used up
-    // on its own.
-    if (random.choice.x >= survive) return false;
-    path->throughput *= 1.0f / survive;
-  }
-  path->ray = next;
-  path->bsdf_pdf = bsdf.pdf;
-  ++path->bounce;
-  return true;
+  return shade_surface(scene, settings, hit, surface, shading, vertex, path, connections,
+                       connection_count);
 }
 
 }  // namespace skytree

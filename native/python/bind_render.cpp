@@ -270,8 +270,8 @@ void set_environment(Scene& scene, const std::optional<FloatArray>& image,
 void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int height, int samples,
            int max_bounces, uint32_t seed, const std::string& pixel_filter, double filter_width,
            const std::optional<std::array<int, 4>>& region, bool film_transparent, int first_sample,
-           bool bsdf_sampling, bool light_sampling, bool blue_noise,
-           std::shared_ptr<const EnvironmentSampler> sampler, int candidates) {
+           bool bsdf_sampling, bool light_sampling, int light_rays, bool control_variate,
+           bool blue_noise, std::shared_ptr<const EnvironmentSampler> sampler, int candidates) {
   RenderOptions options;
   options.width = width;
   options.height = height;
@@ -299,6 +299,8 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
   options.light_sampling = light_sampling;
   options.blue_noise = blue_noise;
   options.candidates = candidates;
+  options.light_rays = light_rays;
+  options.control_variate = control_variate;
   options.sampler = std::move(sampler);
   py::gil_scoped_release release;
   session.start(std::move(scene), options);
@@ -507,17 +509,22 @@ A pixel's value depends on its position, the sample index and the seed only.)")
            "max_bounces"_a = 4, "seed"_a = 0, "pixel_filter"_a = "BLACKMAN_HARRIS",
            "filter_width"_a = 1.5, "region"_a = py::none(), "film_transparent"_a = false,
            "first_sample"_a = 0, "bsdf_sampling"_a = true, "light_sampling"_a = true,
-           "blue_noise"_a = false, "sampler"_a = py::none(), "candidates"_a = 0, R"(
+           "light_rays"_a = 1, "control_variate"_a = false, "blue_noise"_a = false,
+           "sampler"_a = py::none(), "candidates"_a = 0, R"(
 Starts rendering and returns at once. RuntimeError while running, ValueError for values out of range.
 
 max_bounces 0 shows the environment as the first surface sees it. pixel_filter: BOX (one pixel), GAUSSIAN or
 BLACKMAN_HARRIS with filter_width in pixels, as Cycles defines them. region (x0,y0,x1,y1): pixels from the lower left
 corner of the film; a pixel's value does not depend on it. first_sample continues an earlier render's sequence.
-bsdf_sampling or light_sampling off leaves the other alone, without MIS. blue_noise makes the errors of neighbouring
+bsdf_sampling or light_sampling off leaves the other alone, without MIS. light_rays (1..4): light samples at the first
+surface that a path meets; mirrors and narrow lobes take one. control_variate: diffuse light as its difference from
+the unshadowed map's, tile by tile as far as pilot paths find that it helps; the mean is the same. blue_noise makes the
+errors of neighbouring
 pixels differ, which looks finer at few samples. sampler takes the place of the scene's own, so
 that two sessions compare samplers on one scene. candidates above 0 (for comparison and teaching): each light sample is
 chosen by BSDF times radiance from so many (Burke et al. 2005, unbiased), half of them BSDF samples if bsdf_sampling is on;
-the BSDF's own ray then brings no light from the environment.)")
+the BSDF's own ray then brings no light from the environment. light_rays
+and control_variate then do nothing.)")
       .def("wait", &RenderSession::wait, "seconds"_a, py::call_guard<py::gil_scoped_release>(),
            "True if the render has ended; waits at most that long.")
       .def("cancel", &RenderSession::cancel, py::call_guard<py::gil_scoped_release>(),

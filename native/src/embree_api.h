@@ -32,7 +32,7 @@ namespace skytree {
   X(SetSharedGeometryBuffer)         \
   X(SetGeometryInstancedScene)       \
   X(SetGeometryTransform)            \
-  X(Intersect8) X(Occluded8) X(NewBVH) X(ReleaseBVH) X(BuildBVH) X(ThreadLocalAlloc)
+  X(Intersect8) X(Occluded8) X(Intersect16) X(Occluded16) X(NewBVH) X(ReleaseBVH) X(BuildBVH) X(ThreadLocalAlloc)
 
 struct EmbreeApi {
 #define SKYTREE_EMBREE_POINTER(name) decltype(&::rtc##name) name;

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "kernel/pilot.h"
 #include "src/environment_sampler.h"
 
 namespace skytree {
@@ -44,6 +45,7 @@ void check_options(const RenderOptions& o) {
   require(o.samples >= 1, "samples must be at least 1");
   require(o.first_sample >= 0, "first_sample must not be negative");
   require(o.max_bounces >= 0 && o.max_bounces <= 1024, "max_bounces must lie in 0..1024");
+  require(o.light_rays >= 1 && o.light_rays <= kMaxLightRays, "light_rays must lie in 1..4");
   require(o.bsdf_sampling || o.light_sampling,
           "bsdf_sampling and light_sampling are both off: nothing would find the light");
   require(o.candidates >= 0 && o.candidates <= 1024, "candidates must lie in 0..1024");
@@ -73,6 +75,7 @@ RenderSettings make_render_settings(const RenderOptions& o, const float* filter_
   settings.bsdf_sampling = o.bsdf_sampling && o.candidates == 0;
   settings.filter_table = filter_table;
   settings.light_sampling = o.light_sampling;
+  settings.light_rays = o.light_rays;
   settings.blue_noise = o.blue_noise;
   settings.candidates = o.candidates;
   settings.bsdf_candidates = o.bsdf_sampling;
@@ -83,7 +86,6 @@ RenderSession::RenderSession(int threads, std::unique_ptr<DeviceRenderer> device
     : device_(std::move(device)) {
   if (threads < 0 || threads > 1024) throw std::invalid_argument("threads must lie in 0..1024");
   const int count = threads ? threads : std::max(1, int(std::thread::hardware_concurrency()));
-  render_tile_ = select_render_tile();
   stats_.threads = count;
   for (int i = 0; i < count; ++i) threads_.emplace_back([this, i] { worker(i); });
 }
@@ -96,6 +98,13 @@ RenderSession::~RenderSession() {
   }
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
+}
+
+bool RenderSession::uses_control_variate() const {
+  if (!options_.control_variate || !options_.light_sampling || options_.candidates > 0) return false;
+  // A filtered map has no light samples to take the variate off.
+  const EnvironmentSampler* sampler = options_.sampler ? options_.sampler.get() : scene_->sampler();
+  return !sampler || sampler->view().type != EnvSamplerType::FILTERED;
 }
 
 void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& asked) {
@@ -249,11 +258,16 @@ void RenderSession::lead() {
   if (!built) return;
   job_.scene = scene_->view(options_.width, options_.height);
   job_.tree = scene_->tree();
+  render_tile_ = select_render_tile();
   job_.intersect8 = embree().Intersect8;
   job_.occluded8 = embree().Occluded8;
+  job_.intersect16 = embree().Intersect16;
+  job_.occluded16 = embree().Occluded16;
   job_.width = options_.width;
   job_.height = options_.height;
   if (options_.sampler) job_.scene.environment.sampler = options_.sampler->view();
+  controls_.assign(size_t(tiles_x_) * tiles_y_, 0.0f);
+  job_.settings.controls = {controls_.data(), first_tile_x_, first_tile_y_, tiles_x_};
   ready_ = true;
   wake_.notify_all();
 }
@@ -270,6 +284,7 @@ bool RenderSession::render_on_device() {
   job.height = region_height();
   job.first_sample = options_.first_sample;
   job.samples = options_.samples;
+  job.control_variate = uses_control_variate();
   std::string failure;
   try {
     device_->render(
@@ -336,14 +351,16 @@ void RenderSession::render_tiles() {
     while (tile_passes_[tile].load(std::memory_order_acquire) != int(pass) && !cancel_)
       std::this_thread::yield();
     const int tile_x = first_tile_x_ + tile % tiles_x_, tile_y = first_tile_y_ + tile / tiles_x_;
+    if (pass == 0 && uses_control_variate())
+      controls_[tile] = pilot(tile, scratch.get(), sample.get());
     bool complete = true;
     for (int64_t i = begin; i < end; ++i) {
       if (cancel_) {
         complete = false;
         break;
       }
-      rays += render_tile_(job_, tile_x, tile_y, uint32_t(options_.first_sample + i), scratch.get(),
-                           sample.get());
+      rays += render_tile_(job_, {tile_x, tile_y, uint32_t(options_.first_sample + i), false},
+                           scratch.get(), sample.get());
       accumulate(*sample, tile_x, tile_y);
     }
     if (!complete) break;
@@ -361,6 +378,31 @@ void RenderSession::render_tiles() {
   std::lock_guard<std::mutex> lock(mutex_);
   stats_.rays += rays;
   stats_.cpu_seconds += thread_cpu_seconds() - cpu_started;
+}
+
+/// The control variate's factor for a tile, as kernel/path.h computes it on other devices.
+float RenderSession::pilot(int tile, TileScratch* scratch, TileSample* sample) const {
+  const TileWork work = {first_tile_x_ + tile % tiles_x_, first_tile_y_ + tile / tiles_x_, 0, true};
+  IntegratorJob job = job_;
+  Vec3 plain[kPilotPaths];
+  PilotSums sums = {0.0f, 0.0f};
+  for (const float control : {0.0f, 1.0f}) {
+    job.settings = pilot_settings(job_.settings, control);
+    render_tile_(job, work, scratch, sample);
+    for (int i = 0; i < kPilotPaths; ++i) {
+      const int x = pilot_x(i), y = pilot_y(i);
+      if (work.x * kTileSize + x >= options_.width || work.y * kTileSize + y >= options_.height) {
+        continue;
+      }
+      const Vec3 radiance = sample->radiance[y * kTileSize + x];
+      if (control == 0.0f) {
+        plain[i] = radiance;
+      } else {
+        add_pilot(plain[i], radiance, &sums);
+      }
+    }
+  }
+  return control_factor(sums);
 }
 
 void RenderSession::accumulate(const TileSample& sample, int tile_x, int tile_y) {

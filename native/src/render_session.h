@@ -35,6 +35,11 @@ struct RenderOptions {
   /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if
   /// bsdf_sampling is on (kernel/resampling.h). The BSDF's own ray then brings no environment.
   int candidates = 0;
+  /// Light samples at a path's first vertex, 1 to kMaxLightRays; mirrors and narrow lobes take one.
+  int light_rays = 1;
+  /// Diffuse light by its difference from the unshadowed map's, tile by tile as far as that helps;
+  /// needs light_sampling, without it this does nothing.
+  bool control_variate = false;
   std::shared_ptr<const EnvironmentSampler> sampler;  // null: the scene's own
 };
 
@@ -101,6 +106,8 @@ class RenderSession {
   template <class Visit>
   void for_each_tile_row(Visit visit) const;
   void render_tiles();
+  bool uses_control_variate() const;
+  float pilot(int tile, TileScratch* scratch, TileSample* sample) const;
   void accumulate(const TileSample& sample, int tile_x, int tile_y);
   void fail(const std::string& message);
 
@@ -108,6 +115,7 @@ class RenderSession {
   std::shared_ptr<Scene> scene_;
   RenderOptions options_;
   std::vector<float> filter_table_;
+  std::vector<float> controls_;  // by tile, for the control variate; set in a tile's first pass
   IntegratorJob job_ = {};
   RenderTile render_tile_ = nullptr;
   std::unique_ptr<DeviceRenderer> device_;

@@ -115,6 +115,7 @@ class Scene {
 
   void require_idle() const;
   bool is_usable(const Instance& instance) const;
+  void measure_environment();
   bool build_trees(const std::atomic<bool>& cancel);
   void fill_tables();
   void place_instances();
@@ -129,6 +130,9 @@ class Scene {
   CameraView camera_ = {};
   EnvironmentInput environment_;
   std::string environment_warning_;
+  DiffuseMoments moments_ = {};                // of what moments_of_ holds
+  std::shared_ptr<const float> moments_of_;
+  bool moments_known_ = false;
   std::vector<std::string> table_warnings_;
 
   EmbreeScene top_level_;

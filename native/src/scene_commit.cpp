@@ -6,6 +6,7 @@
 
 #include "src/albedo_table.h"
 #include "src/brdf_kdtree.h"
+#include "src/diffuse_moments.h"
 #include "src/environment_sampler.h"
 #include "src/scene.h"
 
@@ -63,6 +64,7 @@ bool Scene::commit(const std::atomic<bool>& cancel, bool trees) {
   if (!tables_committed_) {
     if (tables_changed_) fill_tables();
     place_instances();
+    measure_environment();
     tables_committed_ = true;
   }
   if (trees && !trees_committed_) trees_committed_ = build_trees(cancel);
@@ -198,9 +200,23 @@ void Scene::fill_tables() {
   tables_changed_ = false;
 }
 
+/// A map without texels is constant 1.
+static LatLongImage image_of(const EnvironmentInput& environment) {
+  static const float kWhite[3] = {1, 1, 1};
+  if (!environment.texels) return {kWhite, 1, 1};
+  return {environment.texels.get(), environment.width, environment.height};
+}
+
+void Scene::measure_environment() {
+  if (moments_known_ && moments_of_ == environment_.texels) return;
+  moments_ = diffuse_moments(image_of(environment_));
+  if (!is_finite(moments_)) moments_ = {};
+  moments_of_ = environment_.texels;
+  moments_known_ = true;
+}
+
 SceneView Scene::view(int width, int height) const {
   if (!has_camera_) throw std::runtime_error("the scene has no camera; call set_camera first");
-  static const float kWhite[3] = {1, 1, 1};
   static const float kNoAlbedo[kAlbedoTableSize * kAlbedoTableSize * kAlbedoTableSize] = {};
   SceneView view = {};
   view.meshes = mesh_views_.data();
@@ -209,14 +225,12 @@ SceneView Scene::view(int width, int height) const {
   view.materials = material_views_.data();
   view.tables = {closures_.data(), texture_views_.data(),
                  has_principled_ ? dielectric_albedo_table() : kNoAlbedo, brdf_views_.data()};
-  view.environment.image =
-      environment_.texels
-          ? LatLongImage{environment_.texels.get(), environment_.width, environment_.height}
-          : LatLongImage{kWhite, 1, 1};
+  view.environment.image = image_of(environment_);
   if (environment_.sampler) view.environment.sampler = environment_.sampler->view();
   view.environment.world_to_env = environment_.world_to_env;
   view.environment.color = environment_.color;
   view.environment.visible = environment_.visible;
+  view.environment.moments = moments_;
   view.camera = camera_;
   view.camera.width = float(width);
   view.camera.height = float(height);

@@ -9,7 +9,6 @@
 
 namespace skytree {
 
-constexpr int kTileSize = 16;
 constexpr int kTilePixels = kTileSize * kTileSize;
 
 /// What all tiles of one render share.
@@ -19,6 +18,8 @@ struct IntegratorJob {
   RTCScene tree;
   decltype(EmbreeApi::Intersect8) intersect8;
   decltype(EmbreeApi::Occluded8) occluded8;
+  decltype(EmbreeApi::Intersect16) intersect16;
+  decltype(EmbreeApi::Occluded16) occluded16;
   int width, height;
 };
 
@@ -33,12 +34,17 @@ struct TileScratch;
 TileScratch* new_tile_scratch();
 void delete_tile_scratch(TileScratch* scratch);
 
-/// Renders sample `sample` of the pixels of tile (tile_x, tile_y) that lie inside the film. Tiles
-/// lie on a grid fixed to the film's lower left corner, and one call traces one sample of a whole
-/// tile: which rays share a packet, and with it every rounding inside Embree, depends on nothing
-/// else. Returns the number of rays traced.
-using RenderTile = uint64_t (*)(const IntegratorJob&, int tile_x, int tile_y, uint32_t sample,
-                                TileScratch*, TileSample*);
+/// One sample of the pixels of tile (x, y) that lie inside the film, or of its pilot paths
+/// (kernel/pilot.h).
+struct TileWork {
+  int x, y;
+  uint32_t sample;
+  bool pilot;
+};
+
+/// Renders one sample of a tile. One call traces it as a whole: which rays share a packet, and with
+/// it every rounding inside Embree, depends on nothing else. Returns the number of rays traced.
+using RenderTile = uint64_t (*)(const IntegratorJob&, const TileWork&, TileScratch*, TileSample*);
 
 /// The version for the instruction set of this processor.
 RenderTile select_render_tile();

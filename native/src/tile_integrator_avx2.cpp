@@ -2,10 +2,11 @@
 // Compiled with -mavx2, where the compiler knows that option; else empty.
 #if defined(__AVX2__)
 
-#include "kernel/stages.h"
+#include "kernel/pilot.h"
 #include "src/tile_integrator.h"
 
 #define SKYTREE_ISA avx2
+#define SKYTREE_LANES 8
 #include "src/tile_integrator_body.h"
 
 namespace skytree {

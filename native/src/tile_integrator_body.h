@@ -4,145 +4,43 @@
 // linker may merge between two such files could end up with instructions that the processor lacks.
 #pragma once
 
+#include <string.h>
+
 namespace skytree {
 namespace SKYTREE_ISA {
 
-/// What all packets have in common.
-static void clear_packet(RTCRay8* packet) {
-  for (int lane = 0; lane < 8; ++lane) {
-    packet->time[lane] = 0.0f;
-    packet->mask[lane] = ~0u;
-    packet->id[lane] = 0;
-    packet->flags[lane] = 0;
-  }
-}
+/// N vectors, each coordinate an array.
+template <int N>
+struct Vectors {
+  float x[N], y[N], z[N];
 
-/// Rays ray_at(first), ... into a packet; lanes beyond count repeat the first and are switched off.
-template <class RayAt>
-static void fill_packet(RTCRay8* packet, int* valid, int first, int count, const RayAt& ray_at) {
-  for (int lane = 0; lane < 8; ++lane) {
-    const bool used = first + lane < count;
-    const Ray& ray = ray_at(used ? first + lane : first);
-    valid[lane] = used ? -1 : 0;
-    packet->org_x[lane] = ray.origin.x;
-    packet->org_y[lane] = ray.origin.y;
-    packet->org_z[lane] = ray.origin.z;
-    packet->dir_x[lane] = ray.direction.x;
-    packet->dir_y[lane] = ray.direction.y;
-    packet->dir_z[lane] = ray.direction.z;
-    packet->tnear[lane] = ray.t_min;
-    packet->tfar[lane] = ray.t_max;
+  Vec3 get(int i) const { return {x[i], y[i], z[i]}; }
+  void set(int i, Vec3 v) {
+    x[i] = v.x;
+    y[i] = v.y;
+    z[i] = v.z;
   }
-}
+};
 
-/// hits[i] for ray_at(i), i < count.
-template <class RayAt>
-static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hit* hits,
-                          const RayAt& ray_at) {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  alignas(32) int valid[8];
-  RTCRayHit8 packet;
-  clear_packet(&packet.ray);
-  for (int first = 0; first < count; first += 8) {
-    fill_packet(&packet.ray, valid, first, count, ray_at);
-    for (int lane = 0; lane < 8; ++lane) packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
-    job.intersect8(valid, job.tree, &context, &packet);
-    for (int lane = 0; lane < 8 && first + lane < count; ++lane) {
-      const bool hit = packet.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID;
-      hits[first + lane] = {hit ? static_cast<int32_t>(packet.hit.instID[0][lane]) : -1,
-                            static_cast<int32_t>(packet.hit.primID[lane]), packet.hit.u[lane],
-                            packet.hit.v[lane], packet.ray.tfar[lane]};
-    }
-  }
-}
+}  // namespace SKYTREE_ISA
+}  // namespace skytree
 
-/// Whether anything is in the way of connections[i].
-static void trace_any(const IntegratorJob& job, const Connection* connections, int count,
-                      bool* occluded) {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  alignas(32) int valid[8];
-  RTCRay8 packet;
-  clear_packet(&packet);
-  auto ray_at = [&](int i) -> const Ray& { return connections[i].ray; };
-  for (int first = 0; first < count; first += 8) {
-    fill_packet(&packet, valid, first, count, ray_at);
-    job.occluded8(valid, job.tree, &context, &packet);
-    for (int lane = 0; lane < 8 && first + lane < count; ++lane) {
-      occluded[first + lane] = packet.tfar[lane] < 0.0f;
-    }
-  }
-}
+#include "src/tile_lanes.h"
+
+namespace skytree {
+namespace SKYTREE_ISA {
 
 struct Batch {
   PathState paths[kTilePixels];
   int active[kTilePixels];  // paths that have a ray to trace
-  Hit hits[2 * kTilePixels];
-  uint32_t seeds[kTilePixels];  // of the active paths, in their order
-  float random[2 * kPairsPerBounce][kTilePixels];
-  Connection connections[2 * kTilePixels];
-  int connection_path[2 * kTilePixels];
-  bool occluded[2 * kTilePixels];
-  int waiting[2 * kTilePixels];  // connections: on their way through transparency, then arrived
-  float direction_x[2 * kTilePixels];  // of the arrived ones
-  float direction_y[2 * kTilePixels];
-  float direction_z[2 * kTilePixels];
-  float u[2 * kTilePixels];  // where in the map they ended
-  float v[2 * kTilePixels];
+  Hit hits[Connections::kCapacity];
+  int waiting[Connections::kCapacity];
+  uint32_t seeds[kTilePixels];
+  float random[2][kTilePixels];
+  Connections connections;
+  Lanes diffuse, glossy;
+  LaneWork work;
 };
-
-/// trace_any where surfaces may be transparent: surface after surface, each dims the connection.
-/// Returns the number of rays.
-static uint64_t trace_through(const IntegratorJob& job, Batch* batch, int count) {
-  uint64_t rays = 0;
-  int waiting = count;
-  for (int i = 0; i < count; ++i) {
-    batch->occluded[i] = true;
-    batch->waiting[i] = i;
-  }
-  for (int depth = 0; waiting > 0 && depth <= kMaxTransparentBounces; ++depth) {
-    trace_closest(job, waiting, false, batch->hits,
-                  [&](int i) -> const Ray& { return batch->connections[batch->waiting[i]].ray; });
-    rays += waiting;
-    int left = 0;
-    for (int i = 0; i < waiting; ++i) {
-      const int connection = batch->waiting[i];
-      if (batch->hits[i].instance < 0) {
-        batch->occluded[connection] = false;
-      } else if (pass_through(job.scene, batch->hits[i], &batch->connections[connection])) {
-        batch->waiting[left++] = connection;
-      }
-    }
-    waiting = left;
-  }
-  return rays;
-}
-
-/// Asks for the texels that a look-up at uv will read.
-static void fetch_ahead(const LatLongImage& image, Vec2 uv) {
-  const int x = static_cast<int>(maxf(uv.x * static_cast<float>(image.width) - 0.5f, 0.0f));
-  const int y = static_cast<int>(clampf(uv.y * static_cast<float>(image.height) - 0.5f, 0.0f,
-                                        static_cast<float>(image.height - 1)));
-  const float* above = image.texels + 3 * (static_cast<int64_t>(y) * image.width + x);
-  __builtin_prefetch(above);
-  __builtin_prefetch(above + 5);
-  if (y + 1 >= image.height) return;
-  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width));
-  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width) + 5);
-}
-
-/// connection_uv for a batch; the first loop vectorises.
-static void locate_in_map(const EnvironmentView& environment, Batch* batch, int count) {
-  for (int i = 0; i < count; ++i) {
-    const Vec2 uv = environment_uv(
-        environment, {batch->direction_x[i], batch->direction_y[i], batch->direction_z[i]});
-    batch->u[i] = uv.x;
-    batch->v[i] = uv.y;
-  }
-  for (int i = 0; i < count; ++i) fetch_ahead(environment.image, {batch->u[i], batch->v[i]});
-}
 
 /// 2 x 4 pixels are neighbours in a packet: the more alike its rays, the cheaper it is.
 static int tile_order(int i) {
@@ -170,25 +68,72 @@ static void draw_pairs(const uint32_t* seeds, int count, uint32_t sample, uint32
   }
 }
 
-static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, uint32_t sample,
-                            TileScratch* scratch, TileSample* out) {
+/// Shades vertex number `vertex` of the batch's `count` active paths, whose hits are known. Returns
+/// how many go on.
+static int shade_batch(const IntegratorJob& job, uint32_t sample, int vertex, int count,
+                       Batch* batch) {
+  const SceneView& scene = job.scene;
+  batch->connections.count = batch->diffuse.count = batch->glossy.count = 0;
+  int alive = 0;
+  for (int i = 0; i < count; ++i) {
+    const int index = batch->active[i];
+    PathState& path = batch->paths[index];
+    const Hit& hit = batch->hits[i];
+    if (hit.instance < 0) {
+      shade_miss(scene, job.settings, &path);
+      continue;
+    }
+    const Vec3 view = -path.ray.direction;
+    const InstanceView& instance = scene.instances[hit.instance];
+    const MeshView& mesh = scene.meshes[instance.mesh];
+    const Surface surface = make_surface(mesh, instance, scene.instance_materials, hit, view);
+    if (surface.material < 0) continue;
+    Shading shading;
+    evaluate_material(scene.tables, scene.materials[surface.material], mesh, instance, hit, surface,
+                      view, &shading);
+    int diffuse, glossy;
+    if (path.bounce <= job.settings.max_bounces && job.settings.candidates == 0 &&
+        is_simple(shading, &diffuse, &glossy)) {
+      path.radiance += path.throughput * shading.emission;
+      append_lane(surface, shading, path, index,
+                  light_ray_count(job.settings, path.bounce, shading),
+                  glossy ? &batch->glossy : &batch->diffuse);
+      continue;
+    }
+    Connection connections[kMaxConnections];
+    int made = 0;
+    if (shade_surface(scene, job.settings, hit, surface, shading, vertex, &path, connections,
+                      &made)) {
+      batch->active[alive++] = index;
+    }
+    for (int k = 0; k < made; ++k) append(connections[k], index, &batch->connections);
+  }
+  alive = shade_lanes<false>(scene, job.settings, batch->diffuse, sample, vertex, &batch->work,
+                             batch->paths, &batch->connections, batch->active, alive);
+  return shade_lanes<true>(scene, job.settings, batch->glossy, sample, vertex, &batch->work,
+                           batch->paths, &batch->connections, batch->active, alive);
+}
+
+static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, TileScratch* scratch,
+                            TileSample* out) {
   Batch& batch = *reinterpret_cast<Batch*>(scratch);
   int count = 0;
   uint64_t rays = 0;
-  for (int i = 0; i < kTilePixels; ++i) {
-    const int pixel = tile_order(i);
-    const int x = tile_x * kTileSize + pixel % kTileSize;
-    const int y = tile_y * kTileSize + pixel / kTileSize;
+  for (int i = 0; i < (work.pilot ? kPilotPaths : kTilePixels); ++i) {
+    const int pixel = work.pilot ? pilot_y(i) * kTileSize + pilot_x(i) : tile_order(i);
+    const int x = work.x * kTileSize + pixel % kTileSize;
+    const int y = work.y * kTileSize + pixel / kTileSize;
     if (x >= job.width || y >= job.height) continue;
     batch.seeds[count] = pixel_seed(job.settings.seed, x, y, job.settings.blue_noise);
     batch.active[count++] = pixel;
   }
-  draw_pairs(batch.seeds, count, sample, kPairFilter, batch.random[0], batch.random[1]);
+  draw_pairs(batch.seeds, count, work.sample, kPairFilter, batch.random[0], batch.random[1]);
+  const float control = control_of_pixel(job.settings, work.x * kTileSize, work.y * kTileSize);
   for (int i = 0; i < count; ++i) {
     const int pixel = batch.active[i];
-    start_path(job.scene, job.settings, tile_x * kTileSize + pixel % kTileSize,
-               tile_y * kTileSize + pixel / kTileSize, batch.seeds[i], sample,
-               {batch.random[0][i], batch.random[1][i]}, &batch.paths[pixel]);
+    start_path(job.scene, job.settings, work.x * kTileSize + pixel % kTileSize,
+               work.y * kTileSize + pixel / kTileSize, batch.seeds[i], work.sample,
+               {batch.random[0][i], batch.random[1][i]}, control, &batch.paths[pixel]);
   }
   bool coherent = true;
   // A path ends by its own rules; the bound only keeps an error in them from hanging a thread.
@@ -198,46 +143,17 @@ static uint64_t render_tile(const IntegratorJob& job, int tile_x, int tile_y, ui
                   [&](int i) -> const Ray& { return batch.paths[batch.active[i]].ray; });
     rays += count;
     coherent = false;
-    for (int i = 0; i < count; ++i) batch.seeds[i] = batch.paths[batch.active[i]].seed;
-    for (uint32_t pair = 0; pair < kPairsPerBounce; ++pair) {
-      draw_pairs(batch.seeds, count, sample, first_pair(vertex) + pair, batch.random[2 * pair],
-                 batch.random[2 * pair + 1]);
-    }
-    int connection_count = 0, alive = 0;
-    for (int i = 0; i < count; ++i) {
-      const int path = batch.active[i];
-      const VertexRandom random = {{batch.random[0][i], batch.random[1][i]},
-                                   {batch.random[2][i], batch.random[3][i]},
-                                   {batch.random[4][i], batch.random[5][i]}};
-      int made = 0;
-      const bool go_on = shade(job.scene, job.settings, batch.hits[i], random, &batch.paths[path],
-                               batch.connections + connection_count, &made);
-      for (int k = 0; k < made; ++k) batch.connection_path[connection_count++] = path;
-      if (go_on) batch.active[alive++] = path;
-    }
-    count = alive;
+    count = shade_batch(job, work.sample, vertex, count, &batch);
+    Connections& connections = batch.connections;
     if (job.scene.has_transparency) {
-      rays += trace_through(job, &batch, connection_count);
+      rays += trace_through(job, &connections, batch.hits, batch.waiting);
     } else {
-      trace_any(job, batch.connections, connection_count, batch.occluded);
-      rays += connection_count;
+      trace_any(job, &connections);
+      rays += connections.count;
     }
-    int arrived = 0;
-    for (int i = 0; i < connection_count; ++i) {
-      batch.waiting[arrived] = i;
-      arrived += !batch.occluded[i];
-    }
-    for (int k = 0; k < arrived; ++k) {
-      const Vec3 direction = batch.connections[batch.waiting[k]].ray.direction;
-      batch.direction_x[k] = direction.x;
-      batch.direction_y[k] = direction.y;
-      batch.direction_z[k] = direction.z;
-    }
-    locate_in_map(job.scene.environment, &batch, arrived);
-    for (int k = 0; k < arrived; ++k) {
-      const int i = batch.waiting[k];
-      batch.paths[batch.connection_path[i]].radiance +=
-          connection_radiance(job.scene, batch.connections[i], {batch.u[k], batch.v[k]});
+    for (int i = 0; i < connections.count; ++i) {
+      if (connections.occluded[i]) continue;
+      batch.paths[connections.path[i]].radiance += connections.weight.get(i);
     }
   }
   for (int i = 0; i < kTilePixels; ++i) {

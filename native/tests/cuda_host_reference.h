@@ -48,7 +48,17 @@ inline std::vector<float> render_on_host(Scene* scene, const RenderOptions& opti
   const std::vector<float> filter = make_filter_table(options.pixel_filter, options.filter_width);
   SceneView view = parts.view;
   if (options.sampler) view.environment.sampler = options.sampler->view();
-  const RenderSettings settings = make_render_settings(options, filter.data());
+  RenderSettings settings = make_render_settings(options, filter.data());
+  std::vector<float> controls;
+  const int columns = (options.width + kTileSize - 1) / kTileSize;
+  if (options.control_variate) {
+    for (int y = 0; y < options.height; y += kTileSize) {
+      for (int x = 0; x < columns; ++x) {
+        controls.push_back(pilot_tile(view, trees.view, settings, x, y / kTileSize));
+      }
+    }
+    settings.controls = {controls.data(), 0, 0, columns};
+  }
   std::vector<float> pixels;
   for (int y = 0; y < options.height; ++y) {
     for (int x = 0; x < options.width; ++x) {

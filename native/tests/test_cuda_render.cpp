@@ -100,7 +100,7 @@ TEST_F(CudaTest, ImagesAreTheHostKernelsToTheLastBit) {
 
 TEST_F(CudaTest, OptionsReachTheDevice) {
   const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
-  std::vector<RenderOptions> variants(7, small_options());
+  std::vector<RenderOptions> variants(8, small_options());
   variants[0].film_transparent = true;
   variants[1].bsdf_sampling = false;
   variants[2].light_sampling = false;
@@ -110,6 +110,8 @@ TEST_F(CudaTest, OptionsReachTheDevice) {
   variants[4].seed = 77;
   variants[5].blue_noise = true;
   variants[6].candidates = 6;
+  variants[7].light_rays = 3;
+  variants[7].control_variate = true;
   for (const RenderOptions& options : variants) {
     EXPECT_EQ(different_pixels(render_on_gpu(scene, options).pixels,
                                render_on_host(scene.get(), options)),
@@ -128,6 +130,8 @@ TEST_F(CudaTest, ImagesAgreeWithTheCpu) {
       const std::shared_ptr<Scene> scene = crowded ? crowded_scene(sky) : material_scene(sky);
       RenderOptions options = small_options();
       options.max_bounces = crowded ? 1 : 3;
+      options.light_rays = crowded ? 1 : 2;
+      options.control_variate = !crowded;
       options.sampler = sampler;
       const Rendered gpu = render_on_gpu(scene, options);
       RenderSession cpu_session(2);
@@ -151,6 +155,7 @@ TEST_F(CudaTest, ImagesAgreeWithTheCpu) {
 TEST_F(CudaTest, RegionIsACutOutOfTheWhole) {
   const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
   RenderOptions options = small_options();
+  options.control_variate = true;
   const std::vector<float> whole = render_on_gpu(scene, options).pixels;
   options.x0 = 13;
   options.y0 = 7;

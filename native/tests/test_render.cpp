@@ -179,10 +179,47 @@ TEST(Irradiance, OneTexelSunOnAPlane) {
   }
 }
 
-static void bits_depend_on_pixel_sample_and_seed_only(bool blue_noise) {
+TEST(Estimators, KeepTheMean) {
+  const auto scene = make_spheres_scene(4.0 / 3.0);
+  EnvironmentInput environment = sky();
+  environment.color = {1.0f, 0.5f, 2.0f};
+  const float s = std::sqrt(0.5f);
+  environment.world_to_env = {{{s, 0, -s}, {0, 1, 0}, {s, 0, s}}};
+  scene->set_environment(environment);
+  for (const int bounces : {0, 2}) {
+    RenderOptions options = small(2048, bounces);
+    const Mean plain = mean_of(render(scene, options));
+    for (const bool bsdf_sampling : {true, false}) {
+      options.bsdf_sampling = bsdf_sampling;
+      options.light_rays = bsdf_sampling ? 2 : 3;
+      options.control_variate = true;
+      const Mean best = mean_of(render(scene, options));
+      EXPECT_NEAR(best.r / plain.r, 1.0, 0.0015) << bounces << bsdf_sampling;
+      EXPECT_NEAR(best.b / plain.b, 1.0, 0.0015) << bounces << bsdf_sampling;
+    }
+  }
+}
+
+TEST(Estimators, NoLightNoNoise) {
+  // Inside a sphere the control variate alone would be noise around 0.
+  auto scene = std::make_shared<Scene>();
+  const int white = scene->add_material({diffuse(0.8f)}, "white");
+  scene->add_instance(scene->add_mesh(make_sphere().input("room")), identity4(), {white});
+  scene->set_camera(look_at({0, -0.5f, 0}, {0, 0, 0.1f}), perspective(1.0, 1.0, 0.01));
+  scene->set_environment(sky());
+  RenderOptions options = small(4, 0);
+  options.control_variate = true;
+  options.light_rays = 2;
+  const Mean mean = mean_of(render(scene, options));
+  EXPECT_EQ(mean.r, 0.0);
+}
+
+static void bits_depend_on_pixel_sample_and_seed_only(bool blue_noise, bool estimators) {
   const auto scene = make_spheres_scene(4.0 / 3.0);
   scene->set_environment(sky());
   RenderOptions options = small(24, 3);
+  options.light_rays = estimators ? 2 : 1;
+  options.control_variate = estimators;
   options.width = 70;  // not a multiple of the tile
   options.height = 53;
   options.pixel_filter = PixelFilter::kBlackmanHarris;
@@ -220,9 +257,10 @@ static void bits_depend_on_pixel_sample_and_seed_only(bool blue_noise) {
 }
 
 TEST(Determinism, BitsDependOnPixelSampleAndSeedOnly) {
-  bits_depend_on_pixel_sample_and_seed_only(false);
+  bits_depend_on_pixel_sample_and_seed_only(false, false);
+  bits_depend_on_pixel_sample_and_seed_only(false, true);
 }
-TEST(Determinism, WithBlueNoiseToo) { bits_depend_on_pixel_sample_and_seed_only(true); }
+TEST(Determinism, WithBlueNoiseToo) { bits_depend_on_pixel_sample_and_seed_only(true, true); }
 
 TEST(Camera, OrthographicAndShiftSeeWhatTheyShould) {
   // A small emitting square at a known place: its centroid on the film is where the projection puts

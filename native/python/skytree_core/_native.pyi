@@ -296,6 +296,8 @@ class RenderSession:
         first_sample: int = 0,
         bsdf_sampling: bool = True,
         light_sampling: bool = True,
+        light_rays: int = 1,
+        control_variate: bool = False,
         blue_noise: bool = False,
         sampler: EnvironmentSampler | None = None,
         candidates: int = 0,

@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Shading of many vertices at once. Most surfaces have at most one Lambert lobe and one GGX lobe;
+// theirs lie here as arrays, and what kernel/stages.h does at one vertex is done in short loops
+// over them, each a call of the same kernel functions, which the compiler vectorises. Loops that
+// read tables (the tree, texels) stay scalar, with the texels asked for one loop ahead: in a large
+// map nearly every look-up waits for memory. Included by tile_integrator_body.h.
+#pragma once
+
+#include "src/tile_packets.h"
+
+// The arrays of one loop are distinct members.
+#define SKY_VECTOR_LOOP _Pragma("GCC ivdep")
+
+namespace skytree {
+namespace SKYTREE_ISA {
+
+constexpr int kBatch = kTilePixels;
+
+/// Vertices that are shaded together.
+struct Lanes {
+  int count;
+  int path[kBatch];
+  uint32_t seed[kBatch];
+  int light_rays[kBatch];
+  float control[kBatch];
+  Vectors<kBatch> position, geometric_normal, view, throughput;
+  float position_error[kBatch];
+  Vectors<kBatch> diffuse_normal, diffuse_weight;
+  // The GGX lobe, if the lanes have one.
+  Vectors<kBatch> normal, tangent, bitangent, weight, f0;
+  float alpha_x[kBatch], alpha_y[kBatch], eta[kBatch];
+  int type[kBatch];
+  float select[kBatch];        // of the diffuse lobe
+  float first_select[kBatch];  // of the lobe that comes first
+  int diffuse_first[kBatch];
+};
+
+/// One direction per lane and what is known of it.
+struct LaneDirections {
+  Vectors<kBatch> local;  // in the map's frame
+  Vectors<kBatch> world;
+  float light_pdf[kBatch];
+  Vectors<kBatch> f;
+  float bsdf_pdf[kBatch];
+  float u[kBatch], v[kBatch];
+  Vectors<kBatch> radiance;
+  Vectors<kBatch> weight;
+};
+
+struct LaneWork {
+  LaneDirections directions;
+  float choice_x[kBatch], choice_y[kBatch], random_x[kBatch], random_y[kBatch];
+  uint32_t index[kBatch];
+  Vectors<kBatch> gain;  // to the paths' radiance
+};
+
+/// Whether `shading` fits into lanes; how many lobes of each kind it has.
+static bool is_simple(const Shading& shading, int* diffuse, int* glossy) {
+  *diffuse = *glossy = 0;
+  if (shading.count > 2 || shading.count == 0 || max_component(shading.transparency) > 0.0f) {
+    return false;
+  }
+  for (int i = 0; i < shading.count; ++i) {
+    const LobeType type = shading.lobes[i].type;
+    *diffuse += type == LobeType::kDiffuse;
+    *glossy +=
+        type == LobeType::kGlossy || type == LobeType::kDielectric || type == LobeType::kMetal;
+  }
+  return *diffuse <= 1 && *glossy <= 1 && *diffuse + *glossy == shading.count;
+}
+
+static void append_lane(const Surface& surface, const Shading& shading, const PathState& path,
+                        int path_index, int light_rays, Lanes* lanes) {
+  const int i = lanes->count++;
+  lanes->path[i] = path_index;
+  lanes->seed[i] = path.seed;
+  lanes->light_rays[i] = light_rays;
+  lanes->position.set(i, surface.position);
+  lanes->position_error[i] = surface.position_error;
+  lanes->geometric_normal.set(i, surface.geometric_normal);
+  lanes->view.set(i, -path.ray.direction);
+  lanes->throughput.set(i, path.throughput);
+  lanes->control[i] = 0.0f;
+  lanes->diffuse_normal.set(i, surface.geometric_normal);
+  lanes->diffuse_weight.set(i, {0, 0, 0});
+  lanes->select[i] = 0.0f;
+  lanes->diffuse_first[i] = shading.lobes[0].type == LobeType::kDiffuse;
+  lanes->first_select[i] = shading.count == 1 ? 2.0f : shading.lobes[0].select;
+  for (int k = 0; k < shading.count; ++k) {
+    const Lobe& lobe = shading.lobes[k];
+    if (lobe.type == LobeType::kDiffuse) {
+      lanes->diffuse_normal.set(i, lobe.normal);
+      lanes->diffuse_weight.set(i, lobe.weight);
+      lanes->select[i] = lobe.select;
+      if (path.bounce == 0 && light_rays > 0) lanes->control[i] = path.control;
+      continue;
+    }
+    lanes->normal.set(i, lobe.normal);
+    lanes->tangent.set(i, lobe.tangent);
+    lanes->bitangent.set(i, lobe.bitangent);
+    lanes->weight.set(i, lobe.weight);
+    lanes->f0.set(i, lobe.type == LobeType::kMetal ? lobe.f0 : Vec3{1, 1, 1});
+    lanes->alpha_x[i] = lobe.alpha_x;
+    lanes->alpha_y[i] = lobe.alpha_y;
+    lanes->eta[i] = lobe.type == LobeType::kDielectric ? lobe.eta : 1.5f;
+    lanes->type[i] = static_cast<int>(lobe.type);
+  }
+}
+
+SKY_HD Lobe glossy_lobe(const Lanes& lanes, int i) {
+  Lobe lobe;
+  lobe.type = static_cast<LobeType>(lanes.type[i]);
+  lobe.weight = lanes.weight.get(i);
+  lobe.normal = lanes.normal.get(i);
+  lobe.tangent = lanes.tangent.get(i);
+  lobe.bitangent = lanes.bitangent.get(i);
+  lobe.alpha_x = lanes.alpha_x[i];
+  lobe.alpha_y = lanes.alpha_y[i];
+  lobe.eta = lanes.eta[i];
+  lobe.f0 = lanes.f0.get(i);
+  return lobe;
+}
+
+SKY_HD Lobe diffuse_lobe(const Lanes& lanes, int i) {
+  Lobe lobe;
+  lobe.type = LobeType::kDiffuse;
+  lobe.normal = lanes.diffuse_normal.get(i);
+  lobe.weight = lanes.diffuse_weight.get(i);
+  return lobe;
+}
+
+/// eval_bsdf in directions.world.
+template <bool kGlossy>
+static void evaluate(const Lanes& lanes, LaneDirections* directions) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    const Vec3 wo = lanes.view.get(i), wi = directions->world.get(i);
+    const float above = dot(lanes.geometric_normal.get(i), wi) > 0.0f ? 1.0f : 0.0f;
+    BsdfValue sum = eval_lobe(diffuse_lobe(lanes, i), wo, wi);
+    if constexpr (kGlossy) {
+      sum.pdf *= lanes.select[i];
+      const BsdfValue glossy = eval_ggx(glossy_lobe(lanes, i), wo, wi);
+      sum.f += glossy.f;
+      sum.pdf += glossy.pdf * (1.0f - lanes.select[i]);
+    }
+    directions->f.set(i, {above > 0.0f ? sum.f.x : 0.0f, above > 0.0f ? sum.f.y : 0.0f,
+                          above > 0.0f ? sum.f.z : 0.0f});
+    directions->bsdf_pdf[i] = above > 0.0f ? sum.pdf : 0.0f;
+  }
+}
+
+/// Draws pair `pair` of the points `index` of the lanes' sequences.
+static void draw_lanes(const Lanes& lanes, const uint32_t* index, uint32_t pair, float* x,
+                       float* y) {
+  // All seeds are of one kind.
+  if (lanes.count > 0 && has_blue_noise(lanes.seed[0])) {
+    for (int i = 0; i < lanes.count; ++i) {
+      const Vec2 u = blue_noise_pair(lanes.seed[i], index[i], pair);
+      x[i] = u.x;
+      y[i] = u.y;
+    }
+    return;
+  }
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    const Vec2 u = hashed_pair(lanes.seed[i], index[i], pair);
+    x[i] = u.x;
+    y[i] = u.y;
+  }
+}
+
+/// Asks for the texels that a look-up at uv will read.
+static void fetch_ahead(const LatLongImage& image, float u, float v) {
+  const int x = static_cast<int>(maxf(u * static_cast<float>(image.width) - 0.5f, 0.0f));
+  const int y = static_cast<int>(clampf(v * static_cast<float>(image.height) - 0.5f, 0.0f,
+                                        static_cast<float>(image.height - 1)));
+  const float* above = image.texels + 3 * (static_cast<int64_t>(y) * image.width + x);
+  __builtin_prefetch(above);
+  __builtin_prefetch(above + 5);
+  if (y + 1 >= image.height) return;
+  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width));
+  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width) + 5);
+}
+
+/// Map coordinates of directions.local, and the texels there on their way.
+static void locate(const EnvironmentView& environment, int count, LaneDirections* directions) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < count; ++i) {
+    const Vec2 uv = latlong_uv(directions->local.get(i));
+    directions->u[i] = uv.x;
+    directions->v[i] = uv.y;
+  }
+  for (int i = 0; i < count; ++i) {
+    fetch_ahead(environment.image, directions->u[i], directions->v[i]);
+  }
+}
+
+static void look_up(const EnvironmentView& environment, int count, LaneDirections* directions) {
+  for (int i = 0; i < count; ++i) {
+    directions->radiance.set(
+        i, lookup_bilinear_uv(environment.image, directions->u[i], directions->v[i]));
+  }
+}
+
+/// The weights of the connections along `directions`, and their part of the control variate.
+static void weigh(const SceneView& scene, const RenderSettings& settings, const Lanes& lanes,
+                  LaneDirections* directions, LaneWork* work) {
+  const Vec3 color = scene.environment.color;
+  const float bsdf_rays = bsdf_ray_count(settings);
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    const float density = mixture_density(lanes.light_rays[i], directions->light_pdf[i], bsdf_rays,
+                                          directions->bsdf_pdf[i]);
+    const Vec3 incoming = lanes.throughput.get(i) * (color * directions->radiance.get(i)) *
+                          (density > 0.0f ? 1.0f / density : 0.0f);
+    const float p = diffuse_polynomial(dot(lanes.diffuse_normal.get(i), directions->world.get(i)));
+    const Vec3 control = incoming * (lanes.diffuse_weight.get(i) * (kInvPi * p)) * lanes.control[i];
+    work->gain.set(i, work->gain.get(i) - control);
+    directions->weight.set(i, incoming * directions->f.get(i));
+  }
+}
+
+SKY_HD Surface lane_surface(const Lanes& lanes, int i) {
+  Surface surface;
+  surface.position = lanes.position.get(i);
+  surface.geometric_normal = lanes.geometric_normal.get(i);
+  surface.position_error = lanes.position_error[i];
+  return surface;
+}
+
+SKY_HD Ray lane_ray(const Lanes& lanes, const LaneDirections& directions, int i) {
+  const Vec3 direction = directions.world.get(i);
+  return {offset_origin(lane_surface(lanes, i), direction), 0.0f, direction, INFINITY};
+}
+
+static void begin_control(const EnvironmentView& environment, const Lanes& lanes, LaneWork* work) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    const Vec3 normal = environment.world_to_env * lanes.diffuse_normal.get(i);
+    const Vec3 integral = environment.color * (lanes.diffuse_weight.get(i) * kInvPi *
+                                               diffuse_integral(environment.moments, normal));
+    work->gain.set(i, lanes.throughput.get(i) * integral * lanes.control[i]);
+  }
+}
+
+/// Light sample number `k` of the lanes that have so many.
+template <bool kGlossy>
+static void sample_light_lanes(const SceneView& scene, const RenderSettings& settings,
+                               const Lanes& lanes, uint32_t sample, int vertex, int k,
+                               LaneWork* work, Connections* connections) {
+  const EnvironmentView& environment = scene.environment;
+  LaneDirections& directions = work->directions;
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    work->index[i] = light_index(sample, lanes.light_rays[i], k);
+  }
+  draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
+  for (int i = 0; i < lanes.count; ++i) {
+    const float choice = light_choice(work->choice_x[i], lanes.light_rays[i], k);
+    const DirectionSample light =
+        sample_environment(environment.sampler, {choice, work->random_x[i], work->random_y[i]});
+    directions.local.set(i, light.direction);
+    // A lane without this sample weighs nothing.
+    directions.light_pdf[i] = light.pdf;
+  }
+  locate(environment, lanes.count, &directions);
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    directions.world.set(i, transpose_mul(environment.world_to_env, directions.local.get(i)));
+  }
+  evaluate<kGlossy>(lanes, &directions);
+  look_up(environment, lanes.count, &directions);
+  for (int i = 0; i < lanes.count; ++i) {
+    if (k < lanes.light_rays[i] && directions.light_pdf[i] > 0.0f) continue;
+    directions.radiance.set(i, {0, 0, 0});
+    directions.f.set(i, {0, 0, 0});
+  }
+  weigh(scene, settings, lanes, &directions, work);
+  for (int i = 0; i < lanes.count; ++i) {
+    if (!(max_component(directions.f.get(i)) > 0.0f)) continue;
+    append({lane_ray(lanes, directions, i), directions.weight.get(i)}, lanes.path[i], connections);
+  }
+}
+
+/// Directions drawn from the lobes.
+template <bool kGlossy>
+static void sample_bsdf_lanes(const Lanes& lanes, LaneWork* work) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    const Vec2 u = {work->random_x[i], work->random_y[i]};
+    Vec3 direction = sample_lobe(diffuse_lobe(lanes, i), lanes.view.get(i), u);
+    if constexpr (kGlossy) {
+      const Lobe lobe = glossy_lobe(lanes, i);
+      const Vec3 o = to_local(lobe, lanes.view.get(i));
+      const Vec3 h = ggx_sample_visible_normal(o, lobe.alpha_x, lobe.alpha_y, u);
+      const Vec3 reflected = normalize(to_world(lobe, h * (2.0f * dot(o, h)) - o));
+      const int first = work->choice_y[i] < lanes.first_select[i] ? 1 : 0;
+      const bool diffuse = first == lanes.diffuse_first[i];
+      direction = {diffuse ? direction.x : reflected.x, diffuse ? direction.y : reflected.y,
+                   diffuse ? direction.z : reflected.z};
+    }
+    work->directions.world.set(i, direction);
+  }
+}
+
+/// shade for lanes from their material on. Paths that go on are appended to `active`, whose new
+/// length is returned.
+template <bool kGlossy>
+static int shade_lanes(const SceneView& scene, const RenderSettings& settings, const Lanes& lanes,
+                       uint32_t sample, int vertex, LaneWork* work, PathState* paths,
+                       Connections* connections, int* active, int active_count) {
+  const EnvironmentView& environment = scene.environment;
+  LaneDirections& directions = work->directions;
+  const int count = lanes.count;
+  if (count == 0) return active_count;
+  for (int i = 0; i < count; ++i) work->index[i] = sample;
+  draw_lanes(lanes, work->index, first_pair(vertex) + kPairChoice, work->choice_x, work->choice_y);
+  begin_control(environment, lanes, work);
+  int most = 0;
+  for (int i = 0; i < count; ++i) most = lanes.light_rays[i] > most ? lanes.light_rays[i] : most;
+  for (int k = 0; k < most; ++k) {
+    sample_light_lanes<kGlossy>(scene, settings, lanes, sample, vertex, k, work, connections);
+  }
+
+  for (int i = 0; i < count; ++i) work->index[i] = sample;
+  draw_lanes(lanes, work->index, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
+  sample_bsdf_lanes<kGlossy>(lanes, work);
+  evaluate<kGlossy>(lanes, &directions);
+  if (settings.bsdf_sampling) {
+    SKY_VECTOR_LOOP
+    for (int i = 0; i < count; ++i) {
+      directions.local.set(i, environment.world_to_env * directions.world.get(i));
+    }
+    locate(environment, count, &directions);
+    for (int i = 0; i < count; ++i) {
+      directions.light_pdf[i] =
+          most > 0 ? environment_pdf(environment.sampler, directions.local.get(i)) : 0.0f;
+    }
+    for (int i = 0; i < count; ++i) {
+      directions.radiance.set(i, sampled_radiance(environment, {directions.u[i], directions.v[i]},
+                                                  directions.bsdf_pdf[i]));
+    }
+    // Light samples alone count where a direction was drawn that the lobes refuse.
+    for (int i = 0; i < count; ++i) {
+      if (!(directions.bsdf_pdf[i] > 0.0f)) directions.radiance.set(i, {0, 0, 0});
+    }
+    weigh(scene, settings, lanes, &directions, work);
+  }
+  for (int i = 0; i < count; ++i) paths[lanes.path[i]].radiance += work->gain.get(i);
+  for (int i = 0; i < count; ++i) {
+    const BsdfValue bsdf = {directions.f.get(i), directions.bsdf_pdf[i]};
+    const Vec3 sky = settings.bsdf_sampling ? directions.weight.get(i) : Vec3{0, 0, 0};
+    if (!(bsdf.pdf > 0.0f) || !(max_component(bsdf.f) > 0.0f)) continue;
+    PathState& path = paths[lanes.path[i]];
+    const Ray next = lane_ray(lanes, directions, i);
+    if (ends_in_sky(scene, settings, path.bounce)) {
+      if (settings.bsdf_sampling) append({next, sky}, lanes.path[i], connections);
+    } else if (continue_path(bsdf, next, sky, work->choice_x[i], &path)) {
+      active[active_count++] = lanes.path[i];
+    }
+  }
+  return active_count;
+}
+
+}  // namespace SKYTREE_ISA
+}  // namespace skytree
