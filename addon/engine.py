@@ -94,6 +94,8 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             film_transparent=scene.render.film_transparent,
             blue_noise=settings.blue_noise,
             candidates=candidates_of(settings),
+            light_rays=settings.light_rays,
+            control_variate=settings.control_variate,
         )
         try:
             self._follow(session, film, settings.samples, depsgraph.view_layer.name)

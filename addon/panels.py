@@ -86,7 +86,10 @@ class SKYTREE_RENDER_PT_light_paths(_RenderPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        _column(self.layout).prop(context.scene.skytree, "max_bounces")
+        column = _column(self.layout)
+        column.prop(context.scene.skytree, "max_bounces")
+        column.prop(context.scene.skytree, "light_rays")
+        column.prop(context.scene.skytree, "control_variate")
 
 
 class SKYTREE_RENDER_PT_film(_RenderPanel, bpy.types.Panel):

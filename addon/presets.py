@@ -22,6 +22,8 @@ BUILT_IN = {
             "compensation": 0.0,
             "split_criterion": "MIN_VARIANCE",
             "block_probability": "MIN_VARIANCE",
+            "light_rays": 2,
+            "control_variate": True,
             "pixel_filter": "BLACKMAN_HARRIS",
             "filter_width": 1.5,
         },
@@ -36,12 +38,14 @@ BUILT_IN = {
             "compensation": 0.0,
             "split_criterion": "SSE",
             "block_probability": "FITTED",
+            "light_rays": 1,
+            "control_variate": False,
         },
     ),
     "INVERSION": (
         "Inversion",
         "The method the paper compares with: inversion of all texels' distribution",
-        {"sampler": "INVERSION"},
+        {"sampler": "INVERSION", "light_rays": 1, "control_variate": False},
     ),
 }
 
@@ -90,6 +94,8 @@ class SKYTREE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "block_probability",
             "candidates",
             "filter_samples",
+            "light_rays",
+            "control_variate",
             "pixel_filter",
             "filter_width",
         )

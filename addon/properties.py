@@ -173,6 +173,21 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         max=1 << 20,
         description="Filtered: samples per pixel that the blur is made for; fewer are blurred more",
     )
+    light_rays: IntProperty(
+        update=_changed,
+        name="Light Rays",
+        default=2,
+        min=1,
+        max=4,
+        description="Rays to the world from the first surface that a path meets; mirrors take one",
+    )
+    control_variate: BoolProperty(
+        update=_changed,
+        name="Diffuse Control Variate",
+        default=True,
+        description="Only the difference from the unshadowed world's light on diffuse surfaces is sampled, "
+        "where pilot paths find that this is less noisy; the picture converges to the same",
+    )
     pixel_filter: EnumProperty(
         update=_changed,
         name="Pixel Filter",

@@ -23,6 +23,8 @@ FIXED_SETTINGS = {
     "compensation": 0.0,
     "pixel_filter": "BLACKMAN_HARRIS",
     "filter_width": 1.5,
+    "light_rays": 2,
+    "control_variate": True,
 }
 
 

@@ -223,6 +223,8 @@ def test_every_setting_shows_a_new_picture(skytree, viewport):
         "max_bounces": 1,
         "seed": 3,
         "filter_width": 3.0,
+        "light_rays": 1,
+        "control_variate": False,
         "pixel_filter": "BOX",
         "sampler": "INVERSION",
         "preview_samples": 6,

@@ -51,7 +51,7 @@ class GpuState {
   // Page-locked images, those that somebody still looks at among them.
   std::vector<std::shared_ptr<PinnedBuffer>> images_;
   std::shared_ptr<PinnedBuffer> arriving_;
-  Buffer controls_;  // a float per tile
+  Buffer controls_;        // a float per tile
   Stream compute_, copy_;  // after the buffers, so that they are drained before the buffers go
   Event rendered_, snapshot_taken_, copied_;
 };

@@ -50,6 +50,8 @@ class RenderSettings:
     threads: int = 0
     device: str = "CPU"
     candidates: int = 0  # of a light sample, see RenderSession.start
+    light_rays: int = 2
+    control_variate: bool = True
 
     @classmethod
     def of(cls, scene) -> RenderSettings:
@@ -64,10 +66,16 @@ class RenderSettings:
             render.threads if render.threads_mode == "FIXED" else 0,
             render_device(settings),
             candidates_of(settings),
+            settings.light_rays,
+            settings.control_variate,
         )
 
+    def estimators(self) -> dict:
+        """Arguments of RenderSession.start that are left out where samplers are compared."""
+        return {"light_rays": self.light_rays, "control_variate": self.control_variate}
+
     def options(self) -> dict:
-        """Arguments of RenderSession.start, but for size, samples and region."""
+        """Arguments of RenderSession.start, but for size, samples, region and estimators."""
         return {
             "max_bounces": self.max_bounces,
             "seed": self.seed,
@@ -314,7 +322,13 @@ class ViewportRenderer:
         self.sync.set_camera(*self._view.matrices())
         samples = self._settings.samples if divisor == 1 else 1
         self._session.start(
-            self.sync.scene, width, height, samples, region=border, **self._settings.options()
+            self.sync.scene,
+            width,
+            height,
+            samples,
+            region=border,
+            **self._settings.options(),
+            **self._settings.estimators(),
         )
         self._divisor, self._taken = divisor, 0
 

@@ -130,7 +130,7 @@ class Scene {
   CameraView camera_ = {};
   EnvironmentInput environment_;
   std::string environment_warning_;
-  DiffuseMoments moments_ = {};                // of what moments_of_ holds
+  DiffuseMoments moments_ = {};  // of what moments_of_ holds
   std::shared_ptr<const float> moments_of_;
   bool moments_known_ = false;
   std::vector<std::string> table_warnings_;
