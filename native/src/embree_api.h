@@ -14,27 +14,26 @@
 
 namespace skytree {
 
-#define SKYTREE_EMBREE_FUNCTIONS(X)                                             \
-  X(NewDevice)                                                                  \
-  X(GetDeviceProperty)                                                          \
-  X(GetDeviceError)                                                             \
-  X(NewScene)                                                                   \
-  X(ReleaseScene)                                                               \
-  X(CommitScene)                                                                \
-  X(SetSceneFlags)                                                              \
-  X(SetSceneBuildQuality)                                                       \
-  X(SetSceneProgressMonitorFunction)                                            \
-  X(NewGeometry)                                                                \
-  X(ReleaseGeometry)                                                            \
-  X(CommitGeometry)                                                             \
-  X(AttachGeometryByID)                                                         \
-  X(DetachGeometry)                                                             \
-  X(SetSharedGeometryBuffer)                                                    \
-  X(SetGeometryInstancedScene)                                                  \
-  X(SetGeometryTransform)                                                       \
-  X(Intersect8)                                                                 \
-  X(Occluded8) X(Intersect16) X(Occluded16) X(NewBVH) X(ReleaseBVH) X(BuildBVH) \
-      X(ThreadLocalAlloc)
+#define SKYTREE_EMBREE_FUNCTIONS(X)  \
+  X(NewDevice)                       \
+  X(GetDeviceProperty)               \
+  X(GetDeviceError)                  \
+  X(NewScene)                        \
+  X(ReleaseScene)                    \
+  X(CommitScene)                     \
+  X(SetSceneFlags)                   \
+  X(SetSceneBuildQuality)            \
+  X(SetSceneProgressMonitorFunction) \
+  X(NewGeometry)                     \
+  X(ReleaseGeometry)                 \
+  X(CommitGeometry)                  \
+  X(AttachGeometryByID)              \
+  X(DetachGeometry)                  \
+  X(SetSharedGeometryBuffer)         \
+  X(SetGeometryInstancedScene)       \
+  X(SetGeometryTransform)            \
+  X(Intersect8)                      \
+  X(Occluded8) X(Intersect16) X(Occluded16) X(NewBVH) X(ReleaseBVH) X(BuildBVH) X(ThreadLocalAlloc)
 
 struct EmbreeApi {
 #define SKYTREE_EMBREE_POINTER(name) decltype(&::rtc##name) name;
