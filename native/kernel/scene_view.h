@@ -56,8 +56,8 @@ struct RenderSettings {
   // samples or not; bsdf_sampling must be off.
   int candidates = 0;
   bool bsdf_candidates = false;
-  int light_rays = 1;          // at the first vertex, where it is not sharp; up to kMaxLightRays
-  float control = 0.0f;        // factor on the control variate, kernel/estimators.h
+  int light_rays = 1;    // at the first vertex, where it is not sharp; up to kMaxLightRays
+  float control = 0.0f;  // factor on the control variate, kernel/estimators.h
   TileControls controls = {};
 };
 

@@ -114,18 +114,17 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
   if (settings.candidates > 0) {
     const VertexRandom random = vertex_random(*path, vertex);
     ResampledLight light = {};
-    if (!resample_light(environment, surface, shading, -path->ray.direction, settings.candidates,
-                        settings.bsdf_candidates, {random.choice.x, random.light.x, random.light.y},
-                        {random.choice.y, random.bsdf.x, random.bsdf.y},
-                        unit_float(hash_u32(path->seed + hash_u32(path->sample +
-                                                                  hash_u32((uint32_t)vertex)))),
-                        &light)) {
+    if (!resample_light(
+            environment, surface, shading, -path->ray.direction, settings.candidates,
+            settings.bsdf_candidates, {random.choice.x, random.light.x, random.light.y},
+            {random.choice.y, random.bsdf.x, random.bsdf.y},
+            unit_float(hash_u32(path->seed + hash_u32(path->sample + hash_u32((uint32_t)vertex)))),
+            &light)) {
       return 0;
     }
-    connections[0] = {
-        {offset_origin(surface, light.direction), 0.0f, light.direction, INFINITY},
-        path->throughput * light.f * environment_radiance(environment, light.direction) *
-            (1.0f / light.pdf)};
+    connections[0] = {{offset_origin(surface, light.direction), 0.0f, light.direction, INFINITY},
+                      path->throughput * light.f *
+                          environment_radiance(environment, light.direction) * (1.0f / light.pdf)};
     return 1;
   }
   int count = 0;

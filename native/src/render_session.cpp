@@ -101,7 +101,8 @@ RenderSession::~RenderSession() {
 }
 
 bool RenderSession::uses_control_variate() const {
-  if (!options_.control_variate || !options_.light_sampling || options_.candidates > 0) return false;
+  if (!options_.control_variate || !options_.light_sampling || options_.candidates > 0)
+    return false;
   // A filtered map has no light samples to take the variate off.
   const EnvironmentSampler* sampler = options_.sampler ? options_.sampler.get() : scene_->sampler();
   return !sampler || sampler->view().type != EnvSamplerType::FILTERED;
