@@ -96,6 +96,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             candidates=candidates_of(settings),
             light_rays=settings.light_rays,
             control_variate=settings.control_variate,
+            learn_visibility=settings.learn_visibility,
         )
         try:
             self._follow(session, film, settings.samples, depsgraph.view_layer.name)

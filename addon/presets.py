@@ -14,16 +14,17 @@ SUBDIRECTORY = "skytree/render"
 BUILT_IN = {
     "BEST": (
         "Best",
-        "What measured best: blocks and probabilities of least variance",
+        "What measured best: blocks and probabilities of least variance, and all estimators",
         {
             "sampler": "KDTREE",
             "block_count": 1024,
             "auto_blocks": False,
-            "compensation": 0.0,
+            "compensation": 1.0,
             "split_criterion": "MIN_VARIANCE",
             "block_probability": "MIN_VARIANCE",
             "light_rays": 2,
             "control_variate": True,
+            "learn_visibility": True,
             "pixel_filter": "BLACKMAN_HARRIS",
             "filter_width": 1.5,
         },
@@ -40,12 +41,13 @@ BUILT_IN = {
             "block_probability": "FITTED",
             "light_rays": 1,
             "control_variate": False,
+            "learn_visibility": False,
         },
     ),
     "INVERSION": (
         "Inversion",
         "The method the paper compares with: inversion of all texels' distribution",
-        {"sampler": "INVERSION", "light_rays": 1, "control_variate": False},
+        {"sampler": "INVERSION", "light_rays": 1, "control_variate": False, "learn_visibility": False},
     ),
 }
 
@@ -96,6 +98,7 @@ class SKYTREE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "filter_samples",
             "light_rays",
             "control_variate",
+            "learn_visibility",
             "pixel_filter",
             "filter_width",
         )

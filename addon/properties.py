@@ -133,7 +133,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
     compensation: FloatProperty(
         update=_changed,
         name="Compensation",
-        default=0.0,
+        default=1.0,
         min=0.0,
         max=1.0,
         subtype="FACTOR",
@@ -187,6 +187,13 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         default=True,
         description="Only the difference from the unshadowed world's light on diffuse surfaces is sampled, "
         "where pilot paths find that this is less noisy; the picture converges to the same",
+    )
+    learn_visibility: BoolProperty(
+        update=_changed,
+        name="Learn Visibility",
+        default=True,
+        description="Final renders on the CPU: what shadow rays meet during the first samples steers the later "
+        "ones, for rooms lit through windows; open scenes find nothing to learn and stay as they are",
     )
     pixel_filter: EnumProperty(
         update=_changed,

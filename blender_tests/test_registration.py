@@ -20,11 +20,12 @@ FIXED_SETTINGS = {
     "split_criterion": "MIN_VARIANCE",
     "block_probability": "MIN_VARIANCE",
     "auto_blocks": False,
-    "compensation": 0.0,
+    "compensation": 1.0,
     "pixel_filter": "BLACKMAN_HARRIS",
     "filter_width": 1.5,
     "light_rays": 2,
     "control_variate": True,
+    "learn_visibility": True,
 }
 
 

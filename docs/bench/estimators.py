@@ -25,6 +25,11 @@ STEPS = [
     ("+ compensation", {**BLOCKS, "compensation": 1.0}, {}),
     ("+ control variate", {**BLOCKS, "compensation": 1.0}, {"control_variate": True}),
     ("+ two light rays", {**BLOCKS, "compensation": 1.0}, {"control_variate": True, "light_rays": 2}),
+    (
+        "+ learnt visibility",
+        {**BLOCKS, "compensation": 1.0},
+        {"control_variate": True, "light_rays": 2, "learn_visibility": True},
+    ),
 ]
 
 

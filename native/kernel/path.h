@@ -46,7 +46,7 @@ SKY_HD bool advance_path(const SceneView& scene, const TracerView& tracer,
   const bool alive = shade(scene, settings, hit, vertex, path, connections, &count);
   for (int i = 0; i < count; ++i) {
     if (trace_connection(scene, tracer, &connections[i], rays)) {
-      path->radiance += connections[i].weight;
+      path->radiance += connection_radiance(scene, connections[i]);
     }
   }
   ++*rays;

@@ -6,6 +6,7 @@
 #include "kernel/diffuse_moments.h"
 #include "kernel/env_sampler.h"
 #include "kernel/filter.h"
+#include "kernel/guided_light.h"
 #include "kernel/material.h"
 
 namespace skytree {
@@ -27,6 +28,7 @@ struct SceneView {
   MaterialTables tables;
   EnvironmentView environment;
   CameraView camera;
+  GuideView guide;
   bool has_emission;      // some material emits
   bool has_transparency;  // some material lets rays through
 };

@@ -18,7 +18,8 @@ struct PathState {
   Ray ray;
   Vec3 throughput;
   Vec3 radiance;
-  Vec3 sky;  // what `ray` brings if it leaves the scene; unset for a camera ray, bounce 0
+  Vec3 sky;  // what `ray` brings if it leaves the scene, but for the map's radiance unless the
+             // vertex looks_ahead; unset for a camera ray, bounce 0
   float alpha;
   float control;  // factor on the first vertex's control variate, kernel/estimators.h
   uint32_t seed;  // of the pixel
@@ -27,11 +28,70 @@ struct PathState {
   int transparent_bounces;
 };
 
-/// A ray to the environment and what it brings unless something is in its way.
+/// A ray to the environment and what it brings unless something is in its way: weight, or where
+/// map.x is not negative weight times the radiance at these map coordinates. Most rays of a closed
+/// room are stopped: they need not wait for texels.
 struct Connection {
   Ray ray;
   Vec3 weight;
+  Vec2 map;
+  uint32_t
+      guide_record;  // what the guide counts of it (visibility_guide.h), kNoGuideRecord: nothing
 };
+
+/// Map coordinates of a connection whose weight is complete.
+SKY_HD Vec2 no_map_coordinates() { return {-1.0f, 0.0f}; }
+
+SKY_HD Vec3 connection_radiance(const SceneView& scene, const Connection& connection) {
+  if (connection.map.x < 0.0f) return connection.weight;
+  return connection.weight *
+         lookup_bilinear_uv(scene.environment.image, connection.map.x, connection.map.y);
+}
+
+/// Whether the radiance of a BSDF ray from a vertex is looked up before the ray is traced: where
+/// the control variate needs it, and where the look-up depends on the ray's density.
+SKY_HD bool looks_ahead(const SceneView& scene, int bounce, float control) {
+  return (bounce == 0 && control > 0.0f) ||
+         scene.environment.sampler.type == EnvSamplerType::FILTERED;
+}
+
+/// Slot of a vertex in what is learnt of visibility.
+SKY_HD uint32_t vertex_guide_slot(const SceneView& scene, const Surface& surface) {
+  return kLearnsVisibility && scene.guide.nodes
+             ? guide_slot(scene.guide, surface.position, surface.geometric_normal)
+             : kNoGuideSlot;
+}
+
+/// The record of a light sample whose ray is still to be traced; one below the surface is counted
+/// at once.
+SKY_HD uint32_t light_guide_record(const SceneView& scene, uint32_t slot, int32_t region,
+                                   Vec3 geometric_normal, Vec3 direction) {
+  if (region < 0) return kNoGuideRecord;
+  const float cosine = dot(geometric_normal, direction);
+  const uint32_t record = guide_record(slot, region, maxf(cosine, 0.0f));
+  if (cosine > 0.0f) return record;
+  guide_commit(scene.guide, record, false);
+  return kNoGuideRecord;
+}
+
+/// A ray that only asks what is visible; false if it would go below the surface.
+SKY_HD bool probe_visibility(const SceneView& scene, const Surface& surface, uint32_t slot,
+                             uint32_t seed, uint32_t sample, int vertex, Connection* connection) {
+  const EnvironmentView& environment = scene.environment;
+  // Numbers of their own: the sequences of the pixel's other samples stay as they are.
+  const Vec2 u = hashed_pair(seed ^ 0x68bc21ebu, sample, static_cast<uint32_t>(vertex));
+  const GuidedPoint guided = guide_warp(scene.guide, kGuideEvenSlot, u);
+  const DirectionSample light =
+      sample_environment(environment.sampler, {0.5f, guided.point.x, guided.point.y});
+  const Vec3 direction = transpose_mul(environment.world_to_env, light.direction);
+  const uint32_t record =
+      light_guide_record(scene, slot, guided.region, surface.geometric_normal, direction);
+  *connection = {{offset_origin(surface, direction), 0.0f, direction, INFINITY},
+                 {0, 0, 0},
+                 no_map_coordinates(),
+                 record};
+  return record != kNoGuideRecord;
+}
 
 /// Pairs of random numbers: one for the camera, then kPairsPerBounce for each vertex.
 enum RandomPair : uint32_t { kPairFilter = 0, kPairVertex = 1, kPairsPerBounce = 3 };
@@ -41,7 +101,7 @@ enum VertexPair : uint32_t { kPairLight = 0, kPairBsdf = 1, kPairChoice = 2 };
 
 constexpr int kMaxTransparentBounces = 64;
 constexpr int kFirstRouletteBounce = 4;
-constexpr int kMaxConnections = kMaxLightRays + 1;  // of one vertex
+constexpr int kMaxConnections = kMaxLightRays + 2;  // of one vertex
 
 SKY_HD uint32_t first_pair(int vertex) {
   return kPairVertex + kPairsPerBounce * static_cast<uint32_t>(vertex);
@@ -96,7 +156,11 @@ SKY_HD bool pass_through(const SceneView& scene, const Hit& hit, Connection* con
 /// A path whose ray left the scene.
 SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, PathState* path) {
   if (path->bounce > 0) {
-    path->radiance += path->sky;
+    path->radiance +=
+        looks_ahead(scene, path->bounce - 1, path->control)
+            ? path->sky
+            : path->sky * lookup_bilinear(scene.environment.image,
+                                          scene.environment.world_to_env * path->ray.direction);
   } else if (settings.film_transparent) {
     path->alpha = 1.0f - mean_component(path->throughput);
   } else if (scene.environment.visible) {
@@ -108,8 +172,9 @@ SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, P
 /// The light samples of a vertex: connections, and their part of the control variate into the
 /// path's radiance. Returns the number of connections.
 SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings, int vertex,
-                         int light_rays, float control, float choice, const Surface& surface,
-                         const Shading& shading, PathState* path, Connection* connections) {
+                         uint32_t slot, int light_rays, float control, float choice,
+                         const Surface& surface, const Shading& shading, PathState* path,
+                         Connection* connections) {
   const EnvironmentView& environment = scene.environment;
   if (settings.candidates > 0) {
     const VertexRandom random = vertex_random(*path, vertex);
@@ -124,26 +189,41 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
     }
     connections[0] = {{offset_origin(surface, light.direction), 0.0f, light.direction, INFINITY},
                       path->throughput * light.f *
-                          environment_radiance(environment, light.direction) * (1.0f / light.pdf)};
+                          environment_radiance(environment, light.direction) * (1.0f / light.pdf),
+                      no_map_coordinates(),
+                      kNoGuideRecord};
     return 1;
   }
   int count = 0;
   for (int i = 0; i < light_rays; ++i) {
     const Vec2 u = random_pair(path->seed, light_index(path->sample, light_rays, i),
                                first_pair(vertex) + kPairLight);
-    const DirectionSample light =
-        sample_environment(environment.sampler, {light_choice(choice, light_rays, i), u.x, u.y});
+    const GuidedSample guided = sample_guided(environment.sampler, scene.guide, slot,
+                                              {light_choice(choice, light_rays, i), u.x, u.y});
+    const DirectionSample light = guided.light;
     if (!(light.pdf > 0.0f)) continue;
     const Vec3 direction = transpose_mul(environment.world_to_env, light.direction);
+    const uint32_t record =
+        light_guide_record(scene, slot, guided.region, surface.geometric_normal, direction);
     const BsdfValue bsdf = eval_bsdf(shading, surface, -path->ray.direction, direction);
     const float density =
         mixture_density(light_rays, light.pdf, bsdf_ray_count(settings), bsdf.pdf);
-    const Vec3 incoming =
-        path->throughput * environment_radiance(environment, direction) * (1.0f / density);
-    if (control > 0.0f) path->radiance += -(incoming * control_value(shading, direction) * control);
+    Vec2 map = latlong_uv(light.direction);
+    Vec3 incoming = path->throughput * environment.color * (1.0f / density);
+    if (control > 0.0f) {
+      incoming *= lookup_bilinear_uv(environment.image, map.x, map.y);
+      map = no_map_coordinates();
+      path->radiance += -(incoming * control_value(shading, direction) * control);
+    }
     if (!(max_component(bsdf.f) > 0.0f)) continue;
     connections[count++] = {{offset_origin(surface, direction), 0.0f, direction, INFINITY},
-                            incoming * bsdf.f};
+                            incoming * bsdf.f,
+                            map,
+                            record};
+  }
+  if (slot != kNoGuideSlot && scene.guide.probing) {
+    count += probe_visibility(scene, surface, slot, path->seed, path->sample, vertex,
+                              connections + count);
   }
   return count;
 }
@@ -186,11 +266,12 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
       last || shading.count == 0 ? 0 : light_ray_count(settings, path->bounce, shading);
   const float control = light_rays > 0 && path->bounce == 0 ? path->control : 0.0f;
   const Vec2 choices = random_pair(path->seed, path->sample, first_pair(vertex) + kPairChoice);
+  const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
   if (light_rays > 0) {
     if (control > 0.0f) {
       path->radiance += path->throughput * control_integral(environment, shading) * control;
     }
-    *connection_count = sample_lights(scene, settings, vertex, light_rays, control, choices.x,
+    *connection_count = sample_lights(scene, settings, vertex, slot, light_rays, control, choices.x,
                                       surface, shading, path, connections);
   }
 
@@ -220,23 +301,26 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   const BsdfValue bsdf = eval_bsdf(shading, surface, view, direction);
   if (!(bsdf.pdf > 0.0f)) return false;
   Vec3 sky = {0, 0, 0};
+  Vec2 map = no_map_coordinates();
   if (settings.bsdf_sampling) {
-    const float light_pdf =
-        light_rays > 0 ? environment_pdf(environment.sampler, environment.world_to_env * direction)
-                       : 0.0f;
+    const float light_pdf = light_rays > 0 ? guided_pdf(environment.sampler, scene.guide, slot,
+                                                        environment.world_to_env * direction)
+                                           : 0.0f;
     const float density = mixture_density(light_rays, light_pdf, 1.0f, bsdf.pdf);
-    const Vec3 incoming =
-        path->throughput *
-        (environment.color *
-         sampled_radiance(environment, environment_uv(environment, direction), bsdf.pdf)) *
-        (1.0f / density);
+    map = environment_uv(environment, direction);
+    Vec3 incoming = path->throughput * environment.color * (1.0f / density);
+    if (looks_ahead(scene, path->bounce, path->control)) {
+      incoming *= sampled_radiance(environment, map, bsdf.pdf);
+      map = no_map_coordinates();
+    }
     if (control > 0.0f) path->radiance += -(incoming * control_value(shading, direction) * control);
     sky = incoming * bsdf.f;
   }
   if (!(max_component(bsdf.f) > 0.0f)) return false;
   const Ray next = {offset_origin(surface, direction), 0.0f, direction, INFINITY};
   if (ends_in_sky(scene, settings, path->bounce)) {
-    if (settings.bsdf_sampling) connections[(*connection_count)++] = {next, sky};
+    if (settings.bsdf_sampling)
+      connections[(*connection_count)++] = {next, sky, map, kNoGuideRecord};
     return false;
   }
   return continue_path(bsdf, next, sky, choices.x, path);

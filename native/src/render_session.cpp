@@ -243,6 +243,50 @@ void RenderSession::worker(int index) {
   }
 }
 
+/// Samples of a pixel after which nothing more is learnt, and until which vertices send probes.
+constexpr int64_t kLearningSamples = 16;
+constexpr int64_t kProbingSamples = 8;
+/// Share of the trials that must lie in guided slots for learning to go on.
+constexpr double kLeastGuidedShare = 0.02;
+
+void RenderSession::start_learning() {
+  guide_.reset();
+  guide_pass_ = 0;
+  SceneView& scene = job_.scene;
+  scene.guide = {};
+  if (!options_.learn_visibility || !options_.light_sampling || options_.samples < 2 ||
+      !has_warp(scene.environment.sampler)) {
+    return;
+  }
+  // A perspective camera's rays meet in the eye; an orthographic one has none, and cells of one
+  // size.
+  const CameraView& camera = scene.camera;
+  const float spread = length(camera.span_dx), width = length(camera.near_dx);
+  const bool perspective = spread > 1e-6f * width;
+  const Vec3 eye =
+      perspective ? camera.near_center - camera.span_center * (width / spread) : camera.near_center;
+  guide_ = std::make_unique<VisibilityGuide>(scene.environment.sampler, eye,
+                                             perspective ? 0.0f : width / 16.0f);
+  scene.guide = guide_->view();
+}
+
+/// Waits until all tiles have finished the passes before, then brings the guide up to date, once.
+void RenderSession::learn_before(uint64_t pass, int64_t begin) {
+  if (!guide_ || pass == 0 || guide_pass_ >= pass || !job_.scene.guide.counters) return;
+  {
+    std::unique_lock<std::mutex> lock(mutex_);
+    wake_.wait(lock, [&] { return samples_done_ - cpu_begin_ >= begin || cancel_; });
+  }
+  std::lock_guard<std::mutex> lock(guide_mutex_);
+  if (cancel_ || guide_pass_ >= pass) return;
+  const double guided = guide_->update();
+  guide_->set_probing(begin < kProbingSamples);
+  // An open scene: what little there is to learn is not worth the records.
+  if (begin >= kLearningSamples || guided < kLeastGuidedShare) guide_->freeze();
+  job_.scene.guide = guide_->view();
+  guide_pass_ = pass;
+}
+
 void RenderSession::lead() {
   const double started = now();
   // A device has trees of its own: Embree's are only built if the CPU has to take over.
@@ -269,6 +313,7 @@ void RenderSession::lead() {
   if (options_.sampler) job_.scene.environment.sampler = options_.sampler->view();
   controls_.assign(size_t(tiles_x_) * tiles_y_, 0.0f);
   job_.settings.controls = {controls_.data(), first_tile_x_, first_tile_y_, tiles_x_};
+  start_learning();
   ready_ = true;
   wake_.notify_all();
 }
@@ -348,6 +393,7 @@ void RenderSession::render_tiles() {
     const int64_t end = std::min<int64_t>(cpu_begin_ + pass_begin(pass + 1), options_.samples);
     if (begin >= options_.samples) break;
     const int tile = int(item % tiles);
+    learn_before(pass, begin - cpu_begin_);
     // Sums are taken in the order of the samples, whichever thread takes them.
     while (tile_passes_[tile].load(std::memory_order_acquire) != int(pass) && !cancel_)
       std::this_thread::yield();
@@ -374,6 +420,10 @@ void RenderSession::render_tiles() {
       int before = samples_done_.load();
       while (before < done && !samples_done_.compare_exchange_weak(before, done)) {
       }
+      if (guide_) {
+        std::lock_guard<std::mutex> lock(mutex_);  // or a thread about to wait misses this
+        wake_.notify_all();
+      }
     }
   }
   std::lock_guard<std::mutex> lock(mutex_);
@@ -385,6 +435,7 @@ void RenderSession::render_tiles() {
 float RenderSession::pilot(int tile, TileScratch* scratch, TileSample* sample) const {
   const TileWork work = {first_tile_x_ + tile % tiles_x_, first_tile_y_ + tile / tiles_x_, 0, true};
   IntegratorJob job = job_;
+  job.scene.guide = {};  // pilots neither learn nor are guided
   Vec3 plain[kPilotPaths];
   PilotSums sums = {0.0f, 0.0f};
   for (const float control : {0.0f, 1.0f}) {

@@ -15,6 +15,7 @@
 #include "src/filter_table.h"
 #include "src/scene.h"
 #include "src/tile_integrator.h"
+#include "src/visibility_guide.h"
 
 namespace skytree {
 
@@ -31,6 +32,9 @@ struct RenderOptions {
   int first_sample = 0;
   bool bsdf_sampling = true;
   bool light_sampling = true;
+  /// Steer light samples by what earlier shadow rays of the same render met (CPU; samplers with a
+  /// warp). A part of a film then differs in its noise from the same part of the whole.
+  bool learn_visibility = false;
   bool blue_noise = false;  // neighbouring pixels' errors differ (kernel/rng.h)
   /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if
   /// bsdf_sampling is on (kernel/resampling.h). The BSDF's own ray then brings no environment.
@@ -109,6 +113,8 @@ class RenderSession {
   bool uses_control_variate() const;
   float pilot(int tile, TileScratch* scratch, TileSample* sample) const;
   void accumulate(const TileSample& sample, int tile_x, int tile_y);
+  void start_learning();
+  void learn_before(uint64_t pass, int64_t begin);
   void fail(const std::string& message);
 
   std::vector<std::thread> threads_;
@@ -133,6 +139,10 @@ class RenderSession {
 
   std::atomic<bool> cancel_{false}, running_{false};
   std::atomic<int> samples_done_{0};
+
+  std::unique_ptr<VisibilityGuide> guide_;
+  std::mutex guide_mutex_;
+  std::atomic<uint64_t> guide_pass_{0};  // the last pass that the guide was brought up to date for
 
   int tiles_x_ = 0, tiles_y_ = 0, first_tile_x_ = 0, first_tile_y_ = 0;
   int cpu_begin_ = 0;  // samples that a device had done when the threads took over

@@ -95,8 +95,10 @@ static int shade_batch(const IntegratorJob& job, uint32_t sample, int vertex, in
     if (path.bounce <= job.settings.max_bounces && job.settings.candidates == 0 &&
         is_simple(shading, &diffuse, &glossy)) {
       path.radiance += path.throughput * shading.emission;
-      append_lane(surface, shading, path, index,
-                  light_ray_count(job.settings, path.bounce, shading),
+      const int light_rays = light_ray_count(job.settings, path.bounce, shading);
+      append_lane(surface, shading, path, index, light_rays,
+                  looks_ahead(scene, path.bounce, path.control),
+                  light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot,
                   glossy ? &batch->glossy : &batch->diffuse);
       continue;
     }
@@ -151,9 +153,19 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
       trace_any(job, &connections);
       rays += connections.count;
     }
+    if (job.scene.guide.counters) {
+      for (int i = 0; i < connections.count; ++i) {
+        guide_commit(job.scene.guide, connections.guide_record[i], !connections.occluded[i]);
+      }
+    }
+    for (int i = 0; i < connections.count; ++i) {
+      if (connections.occluded[i] || connections.map_u[i] < 0.0f) continue;
+      fetch_ahead(job.scene.environment.image, connections.map_u[i], connections.map_v[i]);
+    }
     for (int i = 0; i < connections.count; ++i) {
       if (connections.occluded[i]) continue;
-      batch.paths[connections.path[i]].radiance += connections.weight.get(i);
+      batch.paths[connections.path[i]].radiance +=
+          connection_radiance(job.scene, connection_at(connections, i));
     }
   }
   for (int i = 0; i < kTilePixels; ++i) {

@@ -22,7 +22,9 @@ struct Lanes {
   int path[kBatch];
   uint32_t seed[kBatch];
   int light_rays[kBatch];
+  uint32_t guide_slot[kBatch];
   float control[kBatch];
+  int ahead[kBatch];  // whether radiance is looked up before the rays are traced
   Vectors<kBatch> position, geometric_normal, view, throughput;
   float position_error[kBatch];
   Vectors<kBatch> diffuse_normal, diffuse_weight;
@@ -51,7 +53,8 @@ struct LaneWork {
   LaneDirections directions;
   float choice_x[kBatch], choice_y[kBatch], random_x[kBatch], random_y[kBatch];
   uint32_t index[kBatch];
-  Vectors<kBatch> gain;  // to the paths' radiance
+  int32_t region[kBatch];  // of the guide
+  Vectors<kBatch> gain;    // to the paths' radiance
 };
 
 /// Whether `shading` fits into lanes; how many lobes of each kind it has.
@@ -70,11 +73,14 @@ static bool is_simple(const Shading& shading, int* diffuse, int* glossy) {
 }
 
 static void append_lane(const Surface& surface, const Shading& shading, const PathState& path,
-                        int path_index, int light_rays, Lanes* lanes) {
+                        int path_index, int light_rays, bool ahead, uint32_t guide_slot,
+                        Lanes* lanes) {
   const int i = lanes->count++;
   lanes->path[i] = path_index;
   lanes->seed[i] = path.seed;
   lanes->light_rays[i] = light_rays;
+  lanes->guide_slot[i] = guide_slot;
+  lanes->ahead[i] = ahead;
   lanes->position.set(i, surface.position);
   lanes->position_error[i] = surface.position_error;
   lanes->geometric_normal.set(i, surface.geometric_normal);
@@ -183,7 +189,9 @@ static void fetch_ahead(const LatLongImage& image, float u, float v) {
 }
 
 /// Map coordinates of directions.local, and the texels there on their way.
-static void locate(const EnvironmentView& environment, int count, LaneDirections* directions) {
+static void locate(const EnvironmentView& environment, const Lanes& lanes,
+                   LaneDirections* directions) {
+  const int count = lanes.count;
   SKY_VECTOR_LOOP
   for (int i = 0; i < count; ++i) {
     const Vec2 uv = latlong_uv(directions->local.get(i));
@@ -191,15 +199,23 @@ static void locate(const EnvironmentView& environment, int count, LaneDirections
     directions->v[i] = uv.y;
   }
   for (int i = 0; i < count; ++i) {
-    fetch_ahead(environment.image, directions->u[i], directions->v[i]);
+    if (lanes.ahead[i]) fetch_ahead(environment.image, directions->u[i], directions->v[i]);
   }
 }
 
-static void look_up(const EnvironmentView& environment, int count, LaneDirections* directions) {
-  for (int i = 0; i < count; ++i) {
+/// 1 where the radiance is looked up later.
+static void look_up(const EnvironmentView& environment, const Lanes& lanes,
+                    LaneDirections* directions) {
+  for (int i = 0; i < lanes.count; ++i) {
     directions->radiance.set(
-        i, lookup_bilinear_uv(environment.image, directions->u[i], directions->v[i]));
+        i, lanes.ahead[i]
+               ? lookup_bilinear_uv(environment.image, directions->u[i], directions->v[i])
+               : Vec3{1, 1, 1});
   }
+}
+
+SKY_HD Vec2 lane_map(const Lanes& lanes, const LaneDirections& directions, int i) {
+  return lanes.ahead[i] ? no_map_coordinates() : Vec2{directions.u[i], directions.v[i]};
 }
 
 /// The weights of the connections along `directions`, and their part of the control variate.
@@ -257,19 +273,20 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
   for (int i = 0; i < lanes.count; ++i) {
     const float choice = light_choice(work->choice_x[i], lanes.light_rays[i], k);
-    const DirectionSample light =
-        sample_environment(environment.sampler, {choice, work->random_x[i], work->random_y[i]});
-    directions.local.set(i, light.direction);
+    const GuidedSample guided = sample_guided(environment.sampler, scene.guide, lanes.guide_slot[i],
+                                              {choice, work->random_x[i], work->random_y[i]});
+    directions.local.set(i, guided.light.direction);
     // A lane without this sample weighs nothing.
-    directions.light_pdf[i] = light.pdf;
+    directions.light_pdf[i] = guided.light.pdf;
+    work->region[i] = k < lanes.light_rays[i] ? guided.region : -1;
   }
-  locate(environment, lanes.count, &directions);
+  locate(environment, lanes, &directions);
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
     directions.world.set(i, transpose_mul(environment.world_to_env, directions.local.get(i)));
   }
   evaluate<kGlossy>(lanes, &directions);
-  look_up(environment, lanes.count, &directions);
+  look_up(environment, lanes, &directions);
   for (int i = 0; i < lanes.count; ++i) {
     if (k < lanes.light_rays[i] && directions.light_pdf[i] > 0.0f) continue;
     directions.radiance.set(i, {0, 0, 0});
@@ -277,8 +294,13 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   }
   weigh(scene, settings, lanes, &directions, work);
   for (int i = 0; i < lanes.count; ++i) {
+    const uint32_t record =
+        light_guide_record(scene, lanes.guide_slot[i], work->region[i],
+                           lanes.geometric_normal.get(i), directions.world.get(i));
     if (!(max_component(directions.f.get(i)) > 0.0f)) continue;
-    append({lane_ray(lanes, directions, i), directions.weight.get(i)}, lanes.path[i], connections);
+    append({lane_ray(lanes, directions, i), directions.weight.get(i),
+            lane_map(lanes, directions, i), record},
+           lanes.path[i], connections);
   }
 }
 
@@ -321,6 +343,16 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
   for (int k = 0; k < most; ++k) {
     sample_light_lanes<kGlossy>(scene, settings, lanes, sample, vertex, k, work, connections);
   }
+  if (scene.guide.probing) {
+    for (int i = 0; i < count; ++i) {
+      Connection probe;
+      if (lanes.light_rays[i] > 0 && lanes.guide_slot[i] != kNoGuideSlot &&
+          probe_visibility(scene, lane_surface(lanes, i), lanes.guide_slot[i], lanes.seed[i],
+                           sample, vertex, &probe)) {
+        append(probe, lanes.path[i], connections);
+      }
+    }
+  }
 
   for (int i = 0; i < count; ++i) work->index[i] = sample;
   draw_lanes(lanes, work->index, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
@@ -331,14 +363,17 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     for (int i = 0; i < count; ++i) {
       directions.local.set(i, environment.world_to_env * directions.world.get(i));
     }
-    locate(environment, count, &directions);
+    locate(environment, lanes, &directions);
     for (int i = 0; i < count; ++i) {
-      directions.light_pdf[i] =
-          most > 0 ? environment_pdf(environment.sampler, directions.local.get(i)) : 0.0f;
+      directions.light_pdf[i] = most > 0 ? guided_pdf(environment.sampler, scene.guide,
+                                                      lanes.guide_slot[i], directions.local.get(i))
+                                         : 0.0f;
     }
     for (int i = 0; i < count; ++i) {
-      directions.radiance.set(i, sampled_radiance(environment, {directions.u[i], directions.v[i]},
-                                                  directions.bsdf_pdf[i]));
+      directions.radiance.set(
+          i, lanes.ahead[i] ? sampled_radiance(environment, {directions.u[i], directions.v[i]},
+                                               directions.bsdf_pdf[i])
+                            : Vec3{1, 1, 1});
     }
     // Light samples alone count where a direction was drawn that the lobes refuse.
     for (int i = 0; i < count; ++i) {
@@ -354,7 +389,10 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     PathState& path = paths[lanes.path[i]];
     const Ray next = lane_ray(lanes, directions, i);
     if (ends_in_sky(scene, settings, path.bounce)) {
-      if (settings.bsdf_sampling) append({next, sky}, lanes.path[i], connections);
+      if (settings.bsdf_sampling) {
+        append({next, sky, lane_map(lanes, directions, i), kNoGuideRecord}, lanes.path[i],
+               connections);
+      }
     } else if (continue_path(bsdf, next, sky, work->choice_x[i], &path)) {
       active[active_count++] = lanes.path[i];
     }

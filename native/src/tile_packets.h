@@ -88,7 +88,9 @@ static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hi
 struct Connections {
   static constexpr int kCapacity = kMaxConnections * kTilePixels;
   Vectors<kCapacity + 16> origin, direction, weight;  // room for a packet's copy beyond the last
+  float map_u[kCapacity], map_v[kCapacity];
   int path[kCapacity];
+  uint32_t guide_record[kCapacity];
   bool occluded[kCapacity];
   int count;
 };
@@ -98,12 +100,17 @@ SKY_HD void append(const Connection& connection, int path, Connections* connecti
   connections->origin.set(i, connection.ray.origin);
   connections->direction.set(i, connection.ray.direction);
   connections->weight.set(i, connection.weight);
+  connections->map_u[i] = connection.map.x;
+  connections->map_v[i] = connection.map.y;
   connections->path[i] = path;
+  connections->guide_record[i] = connection.guide_record;
 }
 
 SKY_HD Connection connection_at(const Connections& connections, int i) {
   return {{connections.origin.get(i), 0.0f, connections.direction.get(i), INFINITY},
-          connections.weight.get(i)};
+          connections.weight.get(i),
+          {connections.map_u[i], connections.map_v[i]},
+          connections.guide_record[i]};
 }
 
 /// Whether anything is in the way of the connections.

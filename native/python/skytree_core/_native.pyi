@@ -298,6 +298,7 @@ class RenderSession:
         light_sampling: bool = True,
         light_rays: int = 1,
         control_variate: bool = False,
+        learn_visibility: bool = False,
         blue_noise: bool = False,
         sampler: EnvironmentSampler | None = None,
         candidates: int = 0,

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Light samples of a surface point: the environment's sampler, its random numbers sent through what
+// has been learnt of visibility there (visibility_guide.h).
+#pragma once
+
+#include "kernel/env_sampler.h"
+#include "kernel/visibility_guide.h"
+
+namespace skytree {
+
+/// Whether directions come from a monotone map of (u.y, u.z) that warp_point can invert.
+SKY_HD bool has_warp(const EnvSamplerView& sampler) {
+  return sampler.type == EnvSamplerType::KDTREE_WARP ||
+         sampler.type == EnvSamplerType::KDTREE_LINEAR;
+}
+
+/// Where in the unit square of (u.y, u.z) a direction comes from, of a sampler that has a warp.
+SKY_HD Vec2 warp_point(const EnvSamplerView& sampler, Vec3 direction) {
+  const KdTreeView& tree = sampler.kdtree;
+  const float near = polar_height(direction);
+  Vec2 point;
+  if (sampler.type == EnvSamplerType::KDTREE_LINEAR) {
+    const float u = cell_azimuth(direction, tree.cell_width);
+    const LinearBlock& block = tree.linear_blocks[locate_block(tree, u, direction)];
+    const float h = (direction.z < 0.0f) == (block.h_rise < 0.0f) ? near : 1.0f - near;
+    const float p =
+        (u - block_u_start(block, tree.cell_width)) / block_u_extent(block, tree.cell_width);
+    const float q = (h - block.h_start) / fabsf(block.h_rise);
+    // Distribution functions of the densities 1 + a (2p - 1).
+    const float a = tilt_along_azimuth(block), b = tilt_along_height(block);
+    const float across = p * (1.0f - a + a * p), up = q * (1.0f - b + b * q);
+    const float down = block.h_rise < 0.0f ? 1.0f - up : up;
+    point = {block.warp_origin.x + across / block.warp_scale.x,
+             block.warp_origin.y + down / block.warp_scale.y};
+  } else {
+    const int32_t index = locate_block(tree, direction);
+    const BlockWarp warp = tree.warps[index];
+    const float h = (direction.z < 0.0f) == (warp.h_slope < 0.0f) ? near : 1.0f - near;
+    point = {tree.warp_origins[index].x + (latlong_u(direction) - warp.u_start) / warp.u_slope,
+             tree.warp_origins[index].y + (h - warp.h_start) / warp.h_slope};
+  }
+  return {clampf(point.x, 0.0f, kOneMinusEpsilon), clampf(point.y, 0.0f, kOneMinusEpsilon)};
+}
+
+/// Slot of a place that nothing is learnt of.
+constexpr uint32_t kNoGuideSlot = ~0u;
+
+struct GuidedSample {
+  DirectionSample light;  // in the map's frame
+  int32_t region;         // -1: nothing is to be recorded
+};
+
+/// sample_environment from a place with this slot.
+SKY_HD GuidedSample sample_guided(const EnvSamplerView& sampler, const GuideView& guide,
+                                  uint32_t slot, Vec3 u) {
+  if (slot == kNoGuideSlot) return {sample_environment(sampler, u), -1};
+  if (!guide.used[slot]) {
+    return {sample_environment(sampler, u), guide.counters ? guide_region(guide, {u.y, u.z}) : -1};
+  }
+  const GuidedPoint guided = guide_warp(guide, slot, {u.y, u.z});
+  DirectionSample light = sample_environment(sampler, {u.x, guided.point.x, guided.point.y});
+  light.pdf *= guided.density;
+  return {light, guide.counters ? guided.region : -1};
+}
+
+/// Density of sample_guided at a direction that something else has chosen.
+SKY_HD float guided_pdf(const EnvSamplerView& sampler, const GuideView& guide, uint32_t slot,
+                        Vec3 direction) {
+  const float pdf = environment_pdf(sampler, direction);
+  if (slot == kNoGuideSlot || !guide.used[slot]) return pdf;
+  return pdf * guide_density(guide, slot, warp_point(sampler, direction));
+}
+
+}  // namespace skytree

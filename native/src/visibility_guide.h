@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Owner of what kernel/visibility_guide.h learns during one render, and the step from records to
+// ratios.
+#pragma once
+
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <vector>
+
+#include "kernel/guided_light.h"
+
+namespace skytree {
+
+struct GuideConfig {
+  /// Share of a slot's samples that goes on as the sampler alone would have it: visibility may
+  /// change inside a cell, and what was never seen must stay possible.
+  double defensive_share = 0.2;
+  /// A slot is guided where that promises to divide the second moment of its light samples by at
+  /// least this: below, the noise in what was learnt and the stratification that it disturbs cost
+  /// more.
+  double least_gain = 2.0;
+  /// Trials that a slot needs before it is judged.
+  uint32_t least_trials = 64;
+  /// Weight of the parent node's value in a node's estimate, in trials.
+  double prior_trials = 2.0;
+};
+
+class VisibilityGuide {
+ public:
+  /// The unit square is cut into regions of about equal solid angle, so that no dark but wide part
+  /// of the map hides a window. `sampler` must have a warp (has_warp). 0 `cell_size`: by distance
+  /// to the eye.
+  VisibilityGuide(const EnvSamplerView& sampler, Vec3 eye, float cell_size = 0.0f,
+                  const GuideConfig& config = {});
+
+  GuideView view() const { return view_; }
+  /// While on, vertices send a ray into any region, which only learns.
+  void set_probing(bool probing) { view_.probing = probing; }
+  /// From now on nothing is recorded.
+  void freeze() { view_.counters = nullptr; }
+
+  /// Makes the ratios from all records so far; no thread may record meanwhile. Integers only go in,
+  /// so the result does not depend on the order of the records. Returns the share of trials whose
+  /// slot is guided.
+  double update();
+
+  size_t nbytes() const;
+  int used_slots() const;
+
+ private:
+  void cut_square(const EnvSamplerView& sampler);
+  bool make_ratios(uint32_t slot);
+  void set_ratios(uint32_t slot);
+
+  GuideConfig config_;
+  GuideView view_;
+  struct Free {
+    void operator()(void* memory) const { std::free(memory); }
+  };
+  std::vector<GuideNode> nodes_;
+  std::vector<float> areas_;  // of the regions
+  // From calloc: pages of slots that nobody meets cost nothing.
+  std::unique_ptr<GuideCounter[], Free> counters_;
+  std::unique_ptr<uint16_t[], Free> ratios_;
+  std::unique_ptr<float[], Free> densities_;
+  std::vector<uint8_t> used_, touched_;
+  std::vector<double> mean_squares_, masses_;  // of nodes, then regions; while ratios are made
+  std::vector<uint64_t> trials_, squares_;
+};
+
+}  // namespace skytree
