@@ -192,8 +192,8 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         update=_changed,
         name="Learn Visibility",
         default=True,
-        description="Final renders on the CPU: what shadow rays meet during the first samples steers the later "
-        "ones, for rooms lit through windows; open scenes find nothing to learn and stay as they are",
+        description="Final renders on the CPU: what shadow rays meet at first steers later "
+        "samples, for rooms lit through windows; open scenes find nothing to learn and stay as they are",
     )
     pixel_filter: EnumProperty(
         update=_changed,
