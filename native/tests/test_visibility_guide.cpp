@@ -155,7 +155,7 @@ TEST(VisibilityGuide, DrawsWithTheDensityThatItTells) {
     }
   }
   EXPECT_LT(other_region, kSamples / 10000);  // rounding at the regions' borders
-  EXPECT_GT(in_lit_part, 0.2 * kSamples);  // a tenth before; regions reach across its border
+  EXPECT_GT(in_lit_part, 0.2 * kSamples);     // a tenth before; regions reach across its border
 }
 
 TEST(VisibilityGuide, WhatIsHiddenStaysPossible) {
