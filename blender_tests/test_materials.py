@@ -99,7 +99,8 @@ def test_white_furnace(scene):
 def test_no_material_is_grey(cycles):
     one_sphere(cycles, None)
     ours = [scenes.render_skytree(cycles, 64, seed=seed) for seed in (1, 2, 3)]
-    assert_agree(ours, [scenes.render_cycles(cycles, 64, 4, seed) for seed in (1, 2, 3)])
+    # So many samples of theirs that three seeds tell their noise.
+    assert_agree(ours, [scenes.render_cycles(cycles, 512, 4, seed) for seed in (1, 2, 3)])
 
 
 def test_ward_is_a_setting_of_its_own(scene):
