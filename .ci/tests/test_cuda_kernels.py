@@ -39,9 +39,11 @@ def test_sampling_kernels_use_no_local_memory(compiled, kernel):
 
 
 def test_only_the_renderer_spills_and_little(compiled):
-    # Resampling of light samples made it spill 100 bytes, outside of what draws directions (docs/cuda.md).
+    # Several light samples, resampling and the control variate cost it 156 bytes, outside of what draws
+    # directions (docs/cuda.md). The pilot paths run once per tile.
     spilt = {name: k.spills for name, k in compiled.items() if k.spills}
-    assert spilt.pop("render_pass", 0) <= 128
+    assert spilt.pop("render_pass", 0) <= 192
+    assert spilt.pop("pilot_tiles", 0) <= 640
     assert spilt == {}
 
 

@@ -246,8 +246,9 @@ void RenderSession::worker(int index) {
 /// Samples of a pixel after which nothing more is learnt, and until which vertices send probes.
 constexpr int64_t kLearningSamples = 16;
 constexpr int64_t kProbingSamples = 8;
-/// Share of the trials that must lie in guided slots for learning to go on.
-constexpr double kLeastGuidedShare = 0.02;
+/// Share of the trials that must lie in guided slots for learning to go on: after the first sample,
+/// which leaves most slots with too few trials to be judged, and after later ones.
+constexpr double kFirstGuidedShare = 0.05, kLeastGuidedShare = 0.2;
 
 void RenderSession::start_learning() {
   guide_.reset();
@@ -281,9 +282,10 @@ void RenderSession::learn_before(uint64_t pass, int64_t begin) {
   if (cancel_ || guide_pass_ >= pass) return;
   const double guided = guide_->update();
   guide_->set_probing(begin < kProbingSamples);
-  // An open scene: what little there is to learn is not worth the records.
-  if (begin >= kLearningSamples || guided < kLeastGuidedShare) guide_->freeze();
+  if (begin >= kLearningSamples) guide_->freeze();
   job_.scene.guide = guide_->view();
+  // An open scene: what little there is to learn is not worth the records and look-ups.
+  if (guided < (begin == 1 ? kFirstGuidedShare : kLeastGuidedShare)) job_.scene.guide = {};
   guide_pass_ = pass;
 }
 

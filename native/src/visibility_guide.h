@@ -38,7 +38,10 @@ class VisibilityGuide {
   /// While on, vertices send a ray into any region, which only learns.
   void set_probing(bool probing) { view_.probing = probing; }
   /// From now on nothing is recorded.
-  void freeze() { view_.counters = nullptr; }
+  void freeze() {
+    view_.counters = nullptr;
+    view_.probing = false;
+  }
 
   /// Makes the ratios from all records so far; no thread may record meanwhile. Integers only go in,
   /// so the result does not depend on the order of the records. Returns the share of trials whose

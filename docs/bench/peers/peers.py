@@ -19,6 +19,7 @@ import json
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -83,11 +84,16 @@ def run_folder(wheel: str, cases: list[Case], overrides: dict) -> Path:
     return folder
 
 
-def measure_all(cases: list[Case], renderers: Renderers, folder: Path, progress: Progress) -> list[Result]:
-    """The cases that are not in folder are measured, and written there."""
+def measure_all(
+    cases: list[Case], renderers: Renderers, folder: Path, progress: Progress, minutes: float | None
+) -> list[Result]:
+    """The cases that are not in folder are measured, and written there: all, or those begun in `minutes`."""
+    started = time.monotonic()
     open_cases = [case for case in cases if not (folder / f"{case.key}.json").exists()]
     bar = progress.add_task("", total=steps_of(len(open_cases)))
     for case in open_cases:
+        if minutes is not None and time.monotonic() - started > 60 * minutes:
+            break
         progress.update(bar, description=case.key)
         map_file = bundled_map(BLENDER, f"{case.map}.exr")
         measured = measure(renderers, case, map_file, lambda: progress.advance(bar))
@@ -98,7 +104,8 @@ def measure_all(cases: list[Case], renderers: Renderers, folder: Path, progress:
             progress.console.print(
                 f"{case.key}: done, {cases.index(case) + 1} of {len(cases)}", highlight=False
             )
-    return [Result.read(json.loads((folder / f"{case.key}.json").read_text())) for case in cases]
+    finished = [folder / f"{case.key}.json" for case in cases]
+    return [Result.read(json.loads(file.read_text())) for file in finished if file.exists()]
 
 
 def write_reports(results: list[Result], versions: dict[str, str], name: str) -> None:
@@ -129,6 +136,9 @@ def parse() -> argparse.Namespace:
         default=[],
         metavar="NAME=VALUE",
         help="a setting of scene.skytree for best mode, as compensation=1; docs stay as they are",
+    )
+    parser.add_argument(
+        "--minutes", type=float, help="start no further case after so long; the page says how many there are"
     )
     parser.add_argument("--zip", type=Path, help="the add-on; default: the newest dist/skytree-*.zip")
     parser.add_argument("--llvm", default="", help="LLVM's shared library for Mitsuba")
@@ -172,12 +182,18 @@ def main() -> int:
                 console.print("No LLVM: Mitsuba renders in scalar_rgb, several times slower.", style="yellow")
             folder = run_folder(wheel, cases, overrides)
             with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as progress:
-                results = measure_all(cases, renderers, folder, progress)
+                results = measure_all(cases, renderers, folder, progress, arguments.minutes)
             versions = renderers.versions
     except (WorkerError, DemoError) as failure:
         console.print(f"bench --peers: {failure}", style="red", markup=False, highlight=False)
         return 1
-    (folder / "finished").touch()
+    if not results:
+        console.print("bench --peers: no case was finished", style="red")
+        return 1
+    if len(results) == len(cases):
+        (folder / "finished").touch()
+    else:
+        console.print(f"{len(results)} of {len(cases)} cases; the same command goes on with the others.")
     trial = arguments.quick or arguments.case or overrides
     name = "peers-quick" if trial else "peers"
     write_reports(results, versions, name)
