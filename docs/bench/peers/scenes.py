@@ -13,6 +13,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import scene as parts
+import shapes
 import spheres
 import teapot
 
@@ -125,7 +126,7 @@ def chrome_teapot(scene: bpy.types.Scene, _: Path) -> None:
 def anisotropic_sphere(scene: bpy.types.Scene, _: Path) -> None:
     add_ground(scene)
     brushed = parts.material("Brushed", GLOSSY, {**grey(0.8), "Roughness": 0.35, "Anisotropy": 0.7})
-    ball = parts.add_mesh(scene, "Ball", parts.sphere(96), brushed)
+    ball = parts.add_mesh(scene, "Ball", shapes.sphere(96), brushed)
     ball.scale = (1.4,) * 3
     ball.location = (0, 0, 1.4)
     add_azimuth_uv(ball.data)
@@ -168,7 +169,7 @@ def room(scene: bpy.types.Scene, _: Path) -> None:
     for name, face in faces.items():
         parts.add_mesh(scene, name, quad(*face), walls)
     ball = parts.add_mesh(
-        scene, "Ball", parts.sphere(48), parts.material("Glossy", GLOSSY, {**grey(0.8), "Roughness": 0.3})
+        scene, "Ball", shapes.sphere(48), parts.material("Glossy", GLOSSY, {**grey(0.8), "Roughness": 0.3})
     )
     ball.scale, ball.location = (0.5,) * 3, (-0.2, 3.0, 0.5)
     clay = parts.material("Clay", DIFFUSE, {"Color": (0.7, 0.35, 0.2, 1)})
