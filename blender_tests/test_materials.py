@@ -103,7 +103,7 @@ def test_no_material_is_grey(cycles):
     theirs = [scenes.render_cycles(cycles, 512, 4, seed) for seed in (1, 2, 3)]
     if bpy.app.version < (5, 0):
         assert_agree(ours, theirs)
-    else:  # Cycles 5 shades the rim of smooth spheres a few per cent brighter than Cycles 4 does
+    else:  # here and there Cycles 5 shades the sphere 3 % brighter than Cycles 4, with which Skytree agrees
         assert np.mean(np.array(ours)[..., :3]) == pytest.approx(np.mean(np.array(theirs)[..., :3]), rel=0.01)
 
 
