@@ -255,7 +255,7 @@ void RenderSession::start_learning() {
   guide_pass_ = 0;
   SceneView& scene = job_.scene;
   scene.guide = {};
-  if (!options_.learn_visibility || !options_.light_sampling || options_.samples < 2 ||
+  if (!options_.learn_visibility || !options_.light_sampling || options_.samples - cpu_begin_ < 2 ||
       !has_warp(scene.environment.sampler)) {
     return;
   }
@@ -273,7 +273,7 @@ void RenderSession::start_learning() {
 
 /// Waits until all tiles have finished the passes before, then brings the guide up to date, once.
 void RenderSession::learn_before(uint64_t pass, int64_t begin) {
-  if (!guide_ || pass == 0 || guide_pass_ >= pass || !job_.scene.guide.counters) return;
+  if (!guide_ || pass == 0 || guide_pass_ >= pass) return;
   {
     std::unique_lock<std::mutex> lock(mutex_);
     wake_.wait(lock, [&] { return samples_done_ - cpu_begin_ >= begin || cancel_; });
@@ -283,10 +283,11 @@ void RenderSession::learn_before(uint64_t pass, int64_t begin) {
   const double guided = guide_->update();
   guide_->set_probing(begin < kProbingSamples);
   if (begin >= kLearningSamples) guide_->freeze();
-  job_.scene.guide = guide_->view();
   // An open scene: what little there is to learn is not worth the records and look-ups.
-  if (guided < (begin == 1 ? kFirstGuidedShare : kLeastGuidedShare)) job_.scene.guide = {};
-  guide_pass_ = pass;
+  const bool open = guided < (begin == 1 ? kFirstGuidedShare : kLeastGuidedShare);
+  job_.scene.guide = open ? GuideView() : guide_->view();
+  // Last, as it lets the other threads go on with the view; for good once nothing more is learnt.
+  guide_pass_ = job_.scene.guide.counters ? pass : UINT64_MAX;
 }
 
 void RenderSession::lead() {
