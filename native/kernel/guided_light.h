@@ -44,31 +44,46 @@ SKY_HD Vec2 warp_point(const EnvSamplerView& sampler, Vec3 direction) {
 
 /// Slot of a place that nothing is learnt of.
 constexpr uint32_t kNoGuideSlot = ~0u;
+/// Region of a sample of which nothing is to be recorded.
+constexpr int32_t kNoGuideRegion = -1;
+
+/// Where a light sample of a place with this slot starts from in the warp's unit square: at u, or
+/// where the guide sends it.
+SKY_HD GuidedPoint guide_point(const GuideView& guide, uint32_t slot, Vec2 u) {
+  if (slot == kNoGuideSlot) return {u, 1.0f, kNoGuideRegion};
+  if (!guide.used[slot]) {
+    return {u, 1.0f, guide.counters ? guide_region(guide, u) : kNoGuideRegion};
+  }
+  GuidedPoint guided = guide_warp(guide, slot, u);
+  if (!guide.counters) guided.region = kNoGuideRegion;
+  return guided;
+}
 
 struct GuidedSample {
   DirectionSample light;  // in the map's frame
-  int32_t region;         // -1: nothing is to be recorded
+  int32_t region;
 };
 
 /// sample_environment from a place with this slot.
 SKY_HD GuidedSample sample_guided(const EnvSamplerView& sampler, const GuideView& guide,
                                   uint32_t slot, Vec3 u) {
-  if (slot == kNoGuideSlot) return {sample_environment(sampler, u), -1};
-  if (!guide.used[slot]) {
-    return {sample_environment(sampler, u), guide.counters ? guide_region(guide, {u.y, u.z}) : -1};
-  }
-  const GuidedPoint guided = guide_warp(guide, slot, {u.y, u.z});
+  const GuidedPoint guided = guide_point(guide, slot, {u.y, u.z});
   DirectionSample light = sample_environment(sampler, {u.x, guided.point.x, guided.point.y});
   light.pdf *= guided.density;
-  return {light, guide.counters ? guided.region : -1};
+  return {light, guided.region};
+}
+
+/// Factor that the guide puts on environment_pdf at a direction that something else has chosen.
+SKY_HD float guide_factor(const EnvSamplerView& sampler, const GuideView& guide, uint32_t slot,
+                          Vec3 direction) {
+  if (slot == kNoGuideSlot || !guide.used[slot]) return 1.0f;
+  return guide_density(guide, slot, warp_point(sampler, direction));
 }
 
 /// Density of sample_guided at a direction that something else has chosen.
 SKY_HD float guided_pdf(const EnvSamplerView& sampler, const GuideView& guide, uint32_t slot,
                         Vec3 direction) {
-  const float pdf = environment_pdf(sampler, direction);
-  if (slot == kNoGuideSlot || !guide.used[slot]) return pdf;
-  return pdf * guide_density(guide, slot, warp_point(sampler, direction));
+  return environment_pdf(sampler, direction) * guide_factor(sampler, guide, slot, direction);
 }
 
 }  // namespace skytree

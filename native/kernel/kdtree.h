@@ -52,23 +52,41 @@ constexpr int kStartRows = 32;
 constexpr int kWarpGrid = 32;
 constexpr int32_t kElevationSplit = INT32_MIN;  // the sign bit of a split key
 
+// Walks branch on nothing but their end: which way a node sends a random point cannot be predicted.
+
 SKY_HD int32_t next_node(uint32_t children, bool second) {
-  return (int32_t)(second ? children >> 16 : children & 0xffffu);
+  return (int32_t)(children >> (second ? 16 : 0) & 0xffffu);
 }
 
-/// Block that a unit direction lies in; u is the azimuth in the frame of the tree's grid, in turns.
-SKY_HD int32_t locate_block(const KdTreeView& tree, float u, Vec3 direction) {
+/// Position along the axis that a split key names.
+SKY_HD int32_t position_along(int32_t key, int32_t elevation, int32_t azimuth) {
+  const int32_t mask = key >> 31;
+  return (elevation & mask) | (azimuth & ~mask);
+}
+
+/// Cell of the start grid that a unit direction lies in; u is the azimuth in the frame of the
+/// tree's grid, in turns.
+SKY_HD int32_t start_cell(float u, Vec3 direction) {
   const int column = (int)minf(maxf(u, 0.0f) * kStartColumns, kStartColumns - 1);
   const int row = (int)minf(maxf(1.0f - direction.z, 0.0f) * (0.5f * kStartRows), kStartRows - 1);
-  const int32_t azimuth = azimuth_key(u);
-  const int32_t elevation = elevation_key(direction);
-  int32_t node = tree.start_grid[row * kStartColumns + column];
+  return row * kStartColumns + column;
+}
+
+/// Block below `node` that lies at these keys.
+SKY_HD int32_t locate_from(const KdTreeView& tree, int32_t node, int32_t azimuth,
+                           int32_t elevation) {
   while (node < tree.inner_count) {
     const int32_t key = tree.split_keys[node];
-    const int32_t position = key < 0 ? elevation : azimuth;
+    const int32_t position = position_along(key, elevation, azimuth);
     node = next_node(tree.children[node], position >= (key & INT32_MAX));
   }
   return node - tree.inner_count;
+}
+
+/// Block that a unit direction lies in; u as in start_cell.
+SKY_HD int32_t locate_block(const KdTreeView& tree, float u, Vec3 direction) {
+  return locate_from(tree, tree.start_grid[start_cell(u, direction)], azimuth_key(u),
+                     elevation_key(direction));
 }
 
 SKY_HD int32_t locate_block(const KdTreeView& tree, Vec3 direction) {
@@ -91,14 +109,19 @@ SKY_HD Vec3 direction_in_block(const BlockWarp& warp, float r, float s) {
                              warp.h_slope < 0.0f);
 }
 
+/// Cell of the warp grid.
+SKY_HD int32_t warp_cell(float r, float s) {
+  return (int)(s * kWarpGrid) * kWarpGrid + (int)(r * kWarpGrid);
+}
+
 /// Block that the warp of (r, s) lands in.
 SKY_HD int32_t choose_block_by_warp(const KdTreeView& tree, float r, float s) {
-  const int column = (int)(r * kWarpGrid);
-  const int row = (int)(s * kWarpGrid);
-  int32_t node = tree.warp_grid[row * kWarpGrid + column];
+  int32_t node = tree.warp_grid[warp_cell(r, s)];
+  // Floats that are not negative are ordered like their bits.
+  const int32_t across = (int32_t)float_bits(r), down = (int32_t)float_bits(s);
   while (node < tree.inner_count) {
-    const float position = tree.split_keys[node] < 0 ? s : r;
-    node = next_node(tree.children[node], position >= tree.split_warps[node]);
+    const int32_t position = position_along(tree.split_keys[node], down, across);
+    node = next_node(tree.children[node], position >= (int32_t)float_bits(tree.split_warps[node]));
   }
   return node - tree.inner_count;
 }

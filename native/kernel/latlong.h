@@ -51,23 +51,37 @@ SKY_HD Vec3 texel(const LatLongImage& image, int x, int y) {
   return {t[0], t[1], t[2]};
 }
 
-/// Radiance at (u, v), interpolated between the four nearest texel centres; wraps in u, clamps at
-/// the poles.
-SKY_HD Vec3 lookup_bilinear_uv(const LatLongImage& image, float u, float v) {
+/// The four nearest texel centres of a place in the map, and where it lies between them.
+struct BilinearCell {
+  int x0, x1, y0, y1;
+  float fx, fy;
+};
+
+/// Wraps in u, clamps at the poles.
+SKY_HD BilinearCell bilinear_cell(const LatLongImage& image, float u, float v) {
   const float x = u * (float)image.width - 0.5f;
   const float y = clampf(v * (float)image.height - 0.5f, 0.0f, (float)(image.height - 1));
   const float x_floor = floorf(x);
-  const int y0 = (int)y;
-  const int y1 = y0 + 1 < image.height ? y0 + 1 : y0;
-  int x0 = (int)x_floor;
-  int x1 = x0 + 1;
-  x0 = x0 < 0 ? x0 + image.width : x0;
-  x1 = x1 >= image.width ? x1 - image.width : x1;
-  const float fx = x - x_floor;
-  const float fy = y - (float)y0;
-  const Vec3 top = texel(image, x0, y0) * (1.0f - fx) + texel(image, x1, y0) * fx;
-  const Vec3 bottom = texel(image, x0, y1) * (1.0f - fx) + texel(image, x1, y1) * fx;
-  return top * (1.0f - fy) + bottom * fy;
+  const int x0 = (int)x_floor, x1 = x0 + 1, y0 = (int)y;
+  return {x0 < 0 ? x0 + image.width : x0,
+          x1 >= image.width ? x1 - image.width : x1,
+          y0,
+          y0 + 1 < image.height ? y0 + 1 : y0,
+          x - x_floor,
+          y - (float)y0};
+}
+
+SKY_HD Vec3 lookup_cell(const LatLongImage& image, const BilinearCell& cell) {
+  const Vec3 top =
+      texel(image, cell.x0, cell.y0) * (1.0f - cell.fx) + texel(image, cell.x1, cell.y0) * cell.fx;
+  const Vec3 bottom =
+      texel(image, cell.x0, cell.y1) * (1.0f - cell.fx) + texel(image, cell.x1, cell.y1) * cell.fx;
+  return top * (1.0f - cell.fy) + bottom * cell.fy;
+}
+
+/// Radiance at (u, v), interpolated between the four nearest texel centres.
+SKY_HD Vec3 lookup_bilinear_uv(const LatLongImage& image, float u, float v) {
+  return lookup_cell(image, bilinear_cell(image, u, v));
 }
 
 /// Radiance seen in a unit direction, in the map's frame.

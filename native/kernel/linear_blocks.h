@@ -43,10 +43,13 @@ SKY_HD float block_u_extent(const LinearBlock& block, float cell_width) {
   return (float)((block.columns >> 16) - (block.columns & 0xffffu)) * cell_width;
 }
 
-/// u of the cells' frame: half a texel from the map's, wrapped.
-SKY_HD float cell_azimuth(Vec3 direction, float cell_width) {
-  const float u = latlong_u(direction) - 0.5f * cell_width;
+/// u of the cells' frame: half a texel from the map's `map_u`, wrapped.
+SKY_HD float cell_azimuth(float map_u, float cell_width) {
+  const float u = map_u - 0.5f * cell_width;
   return u < 0.0f ? u + 1.0f : u;
+}
+SKY_HD float cell_azimuth(Vec3 direction, float cell_width) {
+  return cell_azimuth(latlong_u(direction), cell_width);
 }
 
 /// x in [0, 1] with the density 1 + a (2x - 1), from a number in [0, 1]. Exact inverse, in the form

@@ -116,6 +116,30 @@ static int shade_batch(const IntegratorJob& job, uint32_t sample, int vertex, in
                            batch->paths, &batch->connections, batch->active, alive);
 }
 
+/// What the connections bring that nothing is in the way of, to their paths in their order.
+static void add_connections(const SceneView& scene, const Connections& connections,
+                            TexelLookups* lookups, PathState* paths) {
+  int i = 0;
+  while (i < connections.count) {
+    const int first = i;
+    lookups->count = 0;
+    for (; i < connections.count && lookups->count < kBatch; ++i) {
+      if (connections.occluded[i] || connections.map_u[i] < 0.0f) continue;
+      lookups->append(i, connections.map_u[i], connections.map_v[i]);
+    }
+    look_up(scene.environment.image, lookups);
+    int next = 0;
+    for (int k = first; k < i; ++k) {
+      if (connections.occluded[k]) continue;
+      Vec3 radiance = connections.weight.get(k);
+      if (next < lookups->count && lookups->lane[next] == k) {
+        radiance *= lookups->radiance.get(next++);
+      }
+      paths[connections.path[k]].radiance += radiance;
+    }
+  }
+}
+
 static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, TileScratch* scratch,
                             TileSample* out) {
   Batch& batch = *reinterpret_cast<Batch*>(scratch);
@@ -158,15 +182,7 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
         guide_commit(job.scene.guide, connections.guide_record[i], !connections.occluded[i]);
       }
     }
-    for (int i = 0; i < connections.count; ++i) {
-      if (connections.occluded[i] || connections.map_u[i] < 0.0f) continue;
-      fetch_ahead(job.scene.environment.image, connections.map_u[i], connections.map_v[i]);
-    }
-    for (int i = 0; i < connections.count; ++i) {
-      if (connections.occluded[i]) continue;
-      batch.paths[connections.path[i]].radiance +=
-          connection_radiance(job.scene, connection_at(connections, i));
-    }
+    add_connections(job.scene, connections, &batch.work.lookups, batch.paths);
   }
   for (int i = 0; i < kTilePixels; ++i) {
     out->radiance[i] = batch.paths[i].radiance;

@@ -2,19 +2,15 @@
 // Shading of many vertices at once. Most surfaces have at most one Lambert lobe and one GGX lobe;
 // theirs lie here as arrays, and what kernel/stages.h does at one vertex is done in short loops
 // over them, each a call of the same kernel functions, which the compiler vectorises. Loops that
-// read tables (the tree, texels) stay scalar, with the texels asked for one loop ahead: in a large
-// map nearly every look-up waits for memory. Included by tile_integrator_body.h.
+// read tables (tile_sampling.h, tile_texels.h) stay scalar. Included by tile_integrator_body.h.
 #pragma once
 
 #include "src/tile_packets.h"
-
-// The arrays of one loop are distinct members.
-#define SKY_VECTOR_LOOP _Pragma("GCC ivdep")
+#include "src/tile_sampling.h"
+#include "src/tile_texels.h"
 
 namespace skytree {
 namespace SKYTREE_ISA {
-
-constexpr int kBatch = kTilePixels;
 
 /// Vertices that are shaded together.
 struct Lanes {
@@ -39,19 +35,20 @@ struct Lanes {
 
 /// One direction per lane and what is known of it.
 struct LaneDirections {
-  Vectors<kBatch> local;  // in the map's frame
+  LaneLights lights;
   Vectors<kBatch> world;
-  float light_pdf[kBatch];
   Vectors<kBatch> f;
   float bsdf_pdf[kBatch];
-  float u[kBatch], v[kBatch];
   Vectors<kBatch> radiance;
   Vectors<kBatch> weight;
 };
 
 struct LaneWork {
   LaneDirections directions;
+  LaneSampling sampling;
+  TexelLookups lookups;
   float choice_x[kBatch], choice_y[kBatch], random_x[kBatch], random_y[kBatch];
+  float light_choice[kBatch], guide_factor[kBatch];
   uint32_t index[kBatch];
   int32_t region[kBatch];  // of the guide
   Vectors<kBatch> gain;    // to the paths' radiance
@@ -137,7 +134,7 @@ SKY_HD Lobe diffuse_lobe(const Lanes& lanes, int i) {
 
 /// eval_bsdf in directions.world.
 template <bool kGlossy>
-static void evaluate(const Lanes& lanes, LaneDirections* directions) {
+SKY_LANE_LOOP void evaluate(const Lanes& lanes, LaneDirections* directions) {
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
     const Vec3 wo = lanes.view.get(i), wi = directions->world.get(i);
@@ -156,8 +153,8 @@ static void evaluate(const Lanes& lanes, LaneDirections* directions) {
 }
 
 /// Draws pair `pair` of the points `index` of the lanes' sequences.
-static void draw_lanes(const Lanes& lanes, const uint32_t* index, uint32_t pair, float* x,
-                       float* y) {
+SKY_LANE_LOOP void draw_lanes(const Lanes& lanes, const uint32_t* index, uint32_t pair, float* x,
+                              float* y) {
   // All seeds are of one kind.
   if (lanes.count > 0 && has_blue_noise(lanes.seed[0])) {
     for (int i = 0; i < lanes.count; ++i) {
@@ -175,57 +172,36 @@ static void draw_lanes(const Lanes& lanes, const uint32_t* index, uint32_t pair,
   }
 }
 
-/// Asks for the texels that a look-up at uv will read.
-static void fetch_ahead(const LatLongImage& image, float u, float v) {
-  const int x = static_cast<int>(maxf(u * static_cast<float>(image.width) - 0.5f, 0.0f));
-  const int y = static_cast<int>(clampf(v * static_cast<float>(image.height) - 0.5f, 0.0f,
-                                        static_cast<float>(image.height - 1)));
-  const float* above = image.texels + 3 * (static_cast<int64_t>(y) * image.width + x);
-  __builtin_prefetch(above);
-  __builtin_prefetch(above + 5);
-  if (y + 1 >= image.height) return;
-  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width));
-  __builtin_prefetch(above + 3 * static_cast<int64_t>(image.width) + 5);
-}
-
-/// Map coordinates of directions.local, and the texels there on their way.
-static void locate(const EnvironmentView& environment, const Lanes& lanes,
-                   LaneDirections* directions) {
-  const int count = lanes.count;
-  SKY_VECTOR_LOOP
-  for (int i = 0; i < count; ++i) {
-    const Vec2 uv = latlong_uv(directions->local.get(i));
-    directions->u[i] = uv.x;
-    directions->v[i] = uv.y;
-  }
-  for (int i = 0; i < count; ++i) {
-    if (lanes.ahead[i]) fetch_ahead(environment.image, directions->u[i], directions->v[i]);
-  }
-}
-
-/// 1 where the radiance is looked up later.
-static void look_up(const EnvironmentView& environment, const Lanes& lanes,
-                    LaneDirections* directions) {
+/// Radiance in the lights' directions; 1 where it is looked up later.
+static void look_up_lanes(const EnvironmentView& environment, const Lanes& lanes,
+                          LaneDirections* directions, TexelLookups* lookups) {
+  lookups->count = 0;
   for (int i = 0; i < lanes.count; ++i) {
-    directions->radiance.set(
-        i, lanes.ahead[i]
-               ? lookup_bilinear_uv(environment.image, directions->u[i], directions->v[i])
-               : Vec3{1, 1, 1});
+    if (lanes.ahead[i]) {
+      lookups->append(i, directions->lights.u[i], directions->lights.v[i]);
+    } else {
+      directions->radiance.set(i, {1, 1, 1});
+    }
+  }
+  look_up(environment.image, lookups);
+  for (int i = 0; i < lookups->count; ++i) {
+    directions->radiance.set(lookups->lane[i], lookups->radiance.get(i));
   }
 }
 
 SKY_HD Vec2 lane_map(const Lanes& lanes, const LaneDirections& directions, int i) {
-  return lanes.ahead[i] ? no_map_coordinates() : Vec2{directions.u[i], directions.v[i]};
+  return lanes.ahead[i] ? no_map_coordinates()
+                        : Vec2{directions.lights.u[i], directions.lights.v[i]};
 }
 
 /// The weights of the connections along `directions`, and their part of the control variate.
-static void weigh(const SceneView& scene, const RenderSettings& settings, const Lanes& lanes,
-                  LaneDirections* directions, LaneWork* work) {
+SKY_LANE_LOOP void weigh(const SceneView& scene, const RenderSettings& settings, const Lanes& lanes,
+                         LaneDirections* directions, LaneWork* work) {
   const Vec3 color = scene.environment.color;
   const float bsdf_rays = bsdf_ray_count(settings);
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
-    const float density = mixture_density(lanes.light_rays[i], directions->light_pdf[i], bsdf_rays,
+    const float density = mixture_density(lanes.light_rays[i], directions->lights.pdf[i], bsdf_rays,
                                           directions->bsdf_pdf[i]);
     const Vec3 incoming = lanes.throughput.get(i) * (color * directions->radiance.get(i)) *
                           (density > 0.0f ? 1.0f / density : 0.0f);
@@ -249,13 +225,31 @@ SKY_HD Ray lane_ray(const Lanes& lanes, const LaneDirections& directions, int i)
   return {offset_origin(lane_surface(lanes, i), direction), 0.0f, direction, INFINITY};
 }
 
-static void begin_control(const EnvironmentView& environment, const Lanes& lanes, LaneWork* work) {
+SKY_LANE_LOOP void begin_control(const EnvironmentView& environment, const Lanes& lanes,
+                                 LaneWork* work) {
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
     const Vec3 normal = environment.world_to_env * lanes.diffuse_normal.get(i);
     const Vec3 integral = environment.color * (lanes.diffuse_weight.get(i) * kInvPi *
                                                diffuse_integral(environment.moments, normal));
     work->gain.set(i, lanes.throughput.get(i) * integral * lanes.control[i]);
+  }
+}
+
+/// The lights' directions in the world, and the guide's factor on their densities.
+SKY_LANE_LOOP void turn_to_world(const Mat3& world_to_env, int count, const float* guide_factor,
+                                 LaneDirections* directions) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < count; ++i) {
+    directions->world.set(i, transpose_mul(world_to_env, directions->lights.local.get(i)));
+    directions->lights.pdf[i] *= guide_factor[i];
+  }
+}
+
+SKY_LANE_LOOP void turn_to_map(const Mat3& world_to_env, int count, LaneDirections* directions) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < count; ++i) {
+    directions->lights.local.set(i, world_to_env * directions->world.get(i));
   }
 }
 
@@ -272,23 +266,23 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   }
   draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
   for (int i = 0; i < lanes.count; ++i) {
-    const float choice = light_choice(work->choice_x[i], lanes.light_rays[i], k);
-    const GuidedSample guided = sample_guided(environment.sampler, scene.guide, lanes.guide_slot[i],
-                                              {choice, work->random_x[i], work->random_y[i]});
-    directions.local.set(i, guided.light.direction);
+    work->light_choice[i] = light_choice(work->choice_x[i], lanes.light_rays[i], k);
+    const GuidedPoint guided =
+        guide_point(scene.guide, lanes.guide_slot[i], {work->random_x[i], work->random_y[i]});
+    work->random_x[i] = guided.point.x;
+    work->random_y[i] = guided.point.y;
+    work->guide_factor[i] = guided.density;
     // A lane without this sample weighs nothing.
-    directions.light_pdf[i] = guided.light.pdf;
-    work->region[i] = k < lanes.light_rays[i] ? guided.region : -1;
+    work->region[i] = k < lanes.light_rays[i] ? guided.region : kNoGuideRegion;
   }
-  locate(environment, lanes, &directions);
-  SKY_VECTOR_LOOP
-  for (int i = 0; i < lanes.count; ++i) {
-    directions.world.set(i, transpose_mul(environment.world_to_env, directions.local.get(i)));
-  }
+  LaneLights& lights = directions.lights;
+  sample_environment_lanes(environment.sampler, lanes.count, work->light_choice, work->random_x,
+                           work->random_y, &work->sampling, &lights);
+  turn_to_world(environment.world_to_env, lanes.count, work->guide_factor, &directions);
   evaluate<kGlossy>(lanes, &directions);
-  look_up(environment, lanes, &directions);
+  look_up_lanes(environment, lanes, &directions, &work->lookups);
   for (int i = 0; i < lanes.count; ++i) {
-    if (k < lanes.light_rays[i] && directions.light_pdf[i] > 0.0f) continue;
+    if (k < lanes.light_rays[i] && directions.lights.pdf[i] > 0.0f) continue;
     directions.radiance.set(i, {0, 0, 0});
     directions.f.set(i, {0, 0, 0});
   }
@@ -306,7 +300,7 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
 
 /// Directions drawn from the lobes.
 template <bool kGlossy>
-static void sample_bsdf_lanes(const Lanes& lanes, LaneWork* work) {
+SKY_LANE_LOOP void sample_bsdf_lanes(const Lanes& lanes, LaneWork* work) {
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
     const Vec2 u = {work->random_x[i], work->random_y[i]};
@@ -359,21 +353,23 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
   sample_bsdf_lanes<kGlossy>(lanes, work);
   evaluate<kGlossy>(lanes, &directions);
   if (settings.bsdf_sampling) {
-    SKY_VECTOR_LOOP
+    LaneLights& lights = directions.lights;
+    turn_to_map(environment.world_to_env, count, &directions);
+    locate(count, &lights);
+    if (most > 0) environment_pdf_lanes(environment.sampler, count, &work->sampling, &lights);
     for (int i = 0; i < count; ++i) {
-      directions.local.set(i, environment.world_to_env * directions.world.get(i));
+      lights.pdf[i] = most == 0
+                          ? 0.0f
+                          : lights.pdf[i] * guide_factor(environment.sampler, scene.guide,
+                                                         lanes.guide_slot[i], lights.local.get(i));
     }
-    locate(environment, lanes, &directions);
-    for (int i = 0; i < count; ++i) {
-      directions.light_pdf[i] = most > 0 ? guided_pdf(environment.sampler, scene.guide,
-                                                      lanes.guide_slot[i], directions.local.get(i))
-                                         : 0.0f;
-    }
-    for (int i = 0; i < count; ++i) {
-      directions.radiance.set(
-          i, lanes.ahead[i] ? sampled_radiance(environment, {directions.u[i], directions.v[i]},
-                                               directions.bsdf_pdf[i])
-                            : Vec3{1, 1, 1});
+    if (environment.sampler.type == EnvSamplerType::FILTERED) {
+      for (int i = 0; i < count; ++i) {
+        directions.radiance.set(
+            i, sampled_radiance(environment, {lights.u[i], lights.v[i]}, directions.bsdf_pdf[i]));
+      }
+    } else {
+      look_up_lanes(environment, lanes, &directions, &work->lookups);
     }
     // Light samples alone count where a direction was drawn that the lobes refuse.
     for (int i = 0; i < count; ++i) {

@@ -87,7 +87,8 @@ static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hi
 /// Connections of a batch, each member an array, so that packets are filled by copying.
 struct Connections {
   static constexpr int kCapacity = kMaxConnections * kTilePixels;
-  Vectors<kCapacity + 16> origin, direction, weight;  // room for a packet's copy beyond the last
+  // Room for a packet's copy beyond the last.
+  Vectors<kCapacity + 48> origin, direction, weight;
   float map_u[kCapacity], map_v[kCapacity];
   int path[kCapacity];
   uint32_t guide_record[kCapacity];
