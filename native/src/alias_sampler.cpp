@@ -4,6 +4,8 @@
 // allocated.
 #include "src/alias_sampler.h"
 
+#include <numeric>
+
 #include "src/stopwatch.h"
 #include "src/texel_weights.h"
 
@@ -16,7 +18,8 @@ constexpr double kEvenShare = 1e-3;
 
 }  // namespace
 
-AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), height_(image.height) {
+AliasSampler::AliasSampler(const LatLongImage& image, int threads)
+    : width_(image.width), height_(image.height) {
   const Stopwatch stopwatch;
   check_image(image);
   const int64_t count = (int64_t)width_ * height_;
@@ -24,10 +27,9 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
   entries_ = LargeArray<AliasEntry>(count);
   const std::vector<double> solid_angles = row_solid_angles(width_, height_);
 
-  TexelWeightRows rows(image);
-  double total = 0;
-  for (int y = 0; y < height_; ++y) {
-    const float* weights = rows.next();
+  ThreadTeam team(threads);
+  std::vector<double> sums(height_);
+  bad_texels_ = for_texel_weights(image, team, [&](int, int y, const float* weights) {
     const float solid_angle = (float)solid_angles[y];
     AliasEntry* row = entries_.data() + (int64_t)y * width_;
     double sum = 0;
@@ -35,22 +37,25 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
       row[x].threshold = weights[x] * solid_angle;
       sum += row[x].threshold;
     }
-    total += sum;
-  }
+    sums[y] = sum;
+  });
+  const double total = std::accumulate(sums.begin(), sums.end(), 0.0);
 
   // threshold: from weight to probability times count.
   const double scale = total > 0 ? (1.0 - kEvenShare) * (double)count / total : 0.0;
-  for (int y = 0; y < height_; ++y) {
-    const double even =
-        (total > 0 ? kEvenShare : 1.0) * solid_angles[y] * (double)count * kInvFourPi;
-    const float to_pdf = (float)(1.0 / (solid_angles[y] * (double)count));
-    AliasEntry* row = entries_.data() + (int64_t)y * width_;
-    for (int x = 0; x < width_; ++x) {
-      row[x].threshold = (float)(row[x].threshold * scale + even);
-      row[x].alias = (uint32_t)(row + x - entries_.data());
-      row[x].pdf = row[x].threshold * to_pdf;
+  team.run_chunks(height_, 16, [&](int, int first, int last) {
+    for (int y = first; y < last; ++y) {
+      const double even =
+          (total > 0 ? kEvenShare : 1.0) * solid_angles[y] * (double)count * kInvFourPi;
+      const float to_pdf = (float)(1.0 / (solid_angles[y] * (double)count));
+      AliasEntry* row = entries_.data() + (int64_t)y * width_;
+      for (int x = 0; x < width_; ++x) {
+        row[x].threshold = (float)(row[x].threshold * scale + even);
+        row[x].alias = (uint32_t)(row + x - entries_.data());
+        row[x].pdf = row[x].threshold * to_pdf;
+      }
     }
-  }
+  });
 
   // `small` walks over entries below 1, `large` over those from 1 on. A large one that has given so
   // much that it fell below 1 is filled at once if `small` has passed it, else when `small`
@@ -81,7 +86,6 @@ AliasSampler::AliasSampler(const LatLongImage& image) : width_(image.width), hei
   // Beyond rounding nothing is left to give; entries without an alias are their own.
   for (int64_t i = large; i < count; ++i)
     entries_[i].threshold = fminf(entries_[i].threshold, 1.0f);
-  bad_texels_ = rows.bad_texels();
   build_seconds_ = stopwatch.seconds();
 }
 

@@ -11,8 +11,9 @@ namespace skytree {
 /// Alias table over texels, with the weights of InversionSampler. A black map is sampled uniformly.
 class AliasSampler : public EnvironmentSampler {
  public:
-  /// Throws std::invalid_argument for an empty image.
-  explicit AliasSampler(const LatLongImage& image);
+  /// Throws std::invalid_argument for an empty image. `threads` build, 0: all cores; the table does
+  /// not depend on it.
+  explicit AliasSampler(const LatLongImage& image, int threads = 0);
 
   EnvSamplerView view() const override;
   size_t nbytes() const override;

@@ -155,8 +155,8 @@ CompressedMap CompressedMap::compress(const LatLongImage& image, const Compressi
   const int64_t texels = (int64_t)image.width * image.height;
   const int64_t most = std::min({bits / (8 * (int64_t)kColorBytes + 1) + 1,
                                  (int64_t)config.max_blocks, texels, (int64_t)INT32_MAX / 2});
-  const BuildTree tree = build_kdtree(read_statistics(image, config.statistics, config.progress),
-                                      (int)most, config.split_criterion, config.progress);
+  const BuildTree tree =
+      build_kdtree(image, config.statistics, (int)most, config.split_criterion, config.progress);
   const int32_t splits =
       std::min(splits_that_fit(tree.nodes, bits), std::max(tree.block_count - 1, 0));
 

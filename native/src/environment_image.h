@@ -18,6 +18,12 @@ namespace skytree {
 struct BadTexels {
   int64_t nan = 0, infinite = 0, negative = 0;
 
+  BadTexels& operator+=(const BadTexels& other) {
+    nan += other.nan;
+    infinite += other.infinite;
+    negative += other.negative;
+    return *this;
+  }
   int64_t total() const { return nan + infinite + negative; }
   /// One sentence for the user, or "" if there are none.
   std::string message() const;

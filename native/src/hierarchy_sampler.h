@@ -12,8 +12,9 @@ namespace skytree {
 /// the weights of InversionSampler. A black map is sampled uniformly.
 class HierarchySampler : public EnvironmentSampler {
  public:
-  /// Throws std::invalid_argument for an empty image.
-  explicit HierarchySampler(const LatLongImage& image);
+  /// Throws std::invalid_argument for an empty image. `threads` build, 0: all cores; the table does
+  /// not depend on it.
+  explicit HierarchySampler(const LatLongImage& image, int threads = 0);
 
   EnvSamplerView view() const override;
   size_t nbytes() const override;

@@ -8,17 +8,8 @@ namespace skytree {
 namespace {
 
 constexpr int kTile = ImageStatistics::kTile;
-
-/// Running sums of one quantity while the image is read.
-struct StripSums {
-  StripSums(int width, int columns)
-      : values(width), strip(width), tiles(columns), prefix((size_t)kTile * (columns + 1)) {}
-
-  std::vector<float> values;   // of the current row
-  std::vector<float> strip;    // of the strip so far, by column
-  std::vector<float> tiles;    // of the current row
-  std::vector<double> prefix;  // over tiles, for each row of the strip
-};
+// In columns, of a piece of work: some pages.
+constexpr int kColumns = 1024;
 
 /// Weights of a cell in row y, by Gauss and Legendre with 3 points a piece of at most an eighth of
 /// a turn. Between the pole and the first centres the map is level: both rows are the same there.
@@ -47,21 +38,34 @@ CellRow make_cell_row(const TreeGrid& grid, int y) {
 
 }  // namespace
 
-ImageStatistics::ImageStatistics(const LatLongImage& image, Statistics statistics,
+/// What a thread needs to sum a strip.
+struct StripSums {
+  StripSums(int width, int columns)
+      : values(width), strip(width), tiles(columns), prefix((size_t)kTile * (columns + 1)) {}
+
+  std::vector<float> values;   // of the current row
+  std::vector<float> strip;    // of the strip so far, by column
+  std::vector<float> tiles;    // of the current row
+  std::vector<double> prefix;  // over tiles, for each row of the strip
+};
+
+ImageStatistics::ImageStatistics(std::shared_ptr<const LuminancePlane> luminance,
+                                 Statistics statistics, ThreadTeam& team,
                                  const std::function<void(double)>& keep_going)
-    : plane_(image.width, image.height),
+    : plane_(std::move(luminance)),
       statistics_(statistics),
-      grid_{image.width, image.height, statistics == Statistics::CELLS} {
+      grid_{plane_->width(), plane_->height(), statistics == Statistics::CELLS} {
   switch (statistics) {
     case Statistics::PIXELS:
-      row_weights_.assign(image.height, 1.0);
+      row_weights_.assign(grid_.height, 1.0);
       break;
     case Statistics::RADIANCE:
-      row_weights_ = row_solid_angles(image.width, image.height);
+      row_weights_ = row_solid_angles(grid_.width, grid_.height);
       break;
     case Statistics::CELLS:
       for (int y = 0; y < grid_.rows(); ++y) {
         cell_rows_.push_back(make_cell_row(grid_, y));
+        cell_factors_.emplace_back(cell_rows_.back());
         row_weights_.push_back(cell_rows_.back().solid_angle());
       }
       break;
@@ -70,88 +74,111 @@ ImageStatistics::ImageStatistics(const LatLongImage& image, Statistics statistic
   for (int y = 0; y < grid_.rows(); ++y) {
     cumulative_rows_[y + 1] = cumulative_rows_[y] + row_weights_[y];
   }
-  build(image, keep_going);
+  build(team, keep_going);
 }
 
 int32_t ImageStatistics::border(int axis, int index) const {
   return std::min(index * kTile, extent(axis));
 }
 
-void ImageStatistics::build(const LatLongImage& image,
-                            const std::function<void(double)>& keep_going) {
-  const int width = image.width, height = grid_.rows();
+size_t ImageStatistics::nbytes() const {
+  size_t bytes = 0;
+  for (const auto& quantity : tables_) bytes += quantity[0].nbytes() + quantity[1].nbytes();
+  return bytes;
+}
+
+void ImageStatistics::build(ThreadTeam& team, const std::function<void(double)>& keep_going) {
+  const int width = grid_.width, height = grid_.rows();
   const int columns = (width + kTile - 1) / kTile, rows = (height + kTile - 1) / kTile;
   for (auto& quantity : tables_) {
     quantity[0] = LargeArray<double>((size_t)(rows + 1) * (width + 1));
     quantity[1] = LargeArray<double>((size_t)(columns + 1) * (height + 1));
     std::fill_n(quantity[0].data(), width + 1, 0.0);
     std::fill_n(quantity[1].data(), height + 1, 0.0);
-    for (int t = 0; t <= columns; ++t) quantity[1][(int64_t)t * (height + 1)] = 0.0;
   }
+  std::vector<StripSums> sums(team.size(), StripSums(width, columns));
+  team.run(rows, [&](int worker, int strip) {
+    if (worker == 0) keep_going((double)strip / rows);
+    sum_strip(strip, &sums[worker]);
+  });
 
-  StripSums sums[2] = {{width, columns}, {width, columns}};
+  // Now add up, strip by strip and row by row.
+  const int chunks = width / kColumns + 1;
+  team.run(2 * (chunks + columns), [&](int, int piece) {
+    LargeArray<double>* tables = tables_[piece % 2];
+    piece /= 2;
+    if (piece < chunks) {
+      const int first = piece * kColumns, last = std::min(first + kColumns, width + 1);
+      for (int strip = 0; strip < rows; ++strip) {
+        const double* __restrict upper = &tables[0][(int64_t)strip * (width + 1)];
+        double* __restrict lower = &tables[0][(int64_t)(strip + 1) * (width + 1)];
+        for (int x = first; x < last; ++x) lower[x] = upper[x] + lower[x];
+      }
+    } else {
+      double* column = &tables[1][(int64_t)(piece - chunks + 1) * (height + 1)];
+      for (int y = 0; y < height; ++y) column[y + 1] = column[y] + column[y + 1];
+    }
+  });
+}
 
-  plane_.read_row(image, 0, &bad_);
-  for (int strip = 0; strip < rows; ++strip) {
-    keep_going((double)strip / rows);
-    const int first = strip * kTile, last = std::min(first + kTile, height);
-    for (StripSums& s : sums) std::fill(s.strip.begin(), s.strip.end(), 0.0f);
+void ImageStatistics::sum_strip(int strip, StripSums* sums) {
+  const int width = grid_.width, height = grid_.rows(), columns = (int)sums->tiles.size();
+  const int first = strip * kTile, last = std::min(first + kTile, height);
+  for (Quantity quantity : {Quantity::POWER, Quantity::SQUARE}) {
+    LargeArray<double>* tables = tables_[(int)quantity];
+    std::fill(sums->strip.begin(), sums->strip.end(), 0.0f);
     for (int y = first; y < last; ++y) {
-      const int ahead = y + (grid_.cells ? 0 : 1);
-      if (ahead > 0 && ahead < image.height) plane_.read_row(image, ahead, &bad_);
-      for (Quantity quantity : {Quantity::POWER, Quantity::SQUARE}) {
-        StripSums& s = sums[(int)quantity];
-        moments_of_row(0, y, width, quantity, s.values.data());
-        add_row(s.values.data(), width, s.strip.data());
-        sum_tiles(s.values.data(), width, s.tiles.data());
-        double* prefix = &s.prefix[(size_t)(y - first) * (columns + 1)];
-        double run = 0;
-        for (int t = 0; t < columns; ++t) prefix[t + 1] = run += s.tiles[t];
-      }
-    }
-    for (int q = 0; q < 2; ++q) {
-      for (int t = 1; t <= columns; ++t) {
-        double* column = &tables_[q][1][(int64_t)t * (height + 1)];
-        const double* prefix = &sums[q].prefix[t];
-        for (int y = first; y < last; ++y) {
-          column[y + 1] = column[y] + prefix[(size_t)(y - first) * (columns + 1)];
-        }
-      }
-      const double* upper = &tables_[q][0][(int64_t)strip * (width + 1)];
-      double* lower = &tables_[q][0][(int64_t)(strip + 1) * (width + 1)];
+      moments_of_row(0, y, width, quantity, sums->values.data());
+      add_row(sums->values.data(), width, sums->strip.data());
+      sum_tiles(sums->values.data(), width, sums->tiles.data());
+      double* prefix = &sums->prefix[(size_t)(y - first) * (columns + 1)];
       double run = 0;
-      lower[0] = 0;
-      for (int x = 0; x < width; ++x) lower[x + 1] = upper[x + 1] + (run += sums[q].strip[x]);
+      for (int t = 0; t < columns; ++t) prefix[t + 1] = run += sums->tiles[t];
     }
+    for (int t = 1; t <= columns; ++t) {
+      double* column = &tables[1][(int64_t)t * (height + 1)];
+      const double* prefix = &sums->prefix[t];
+      if (strip == 0) column[0] = 0.0;
+      for (int y = first; y < last; ++y) {
+        column[y + 1] = prefix[(size_t)(y - first) * (columns + 1)];
+      }
+    }
+    double* row = &tables[0][(int64_t)(strip + 1) * (width + 1)];
+    double run = 0;
+    row[0] = 0;
+    for (int x = 0; x < width; ++x) row[x + 1] = run += sums->strip[x];
   }
 }
 
 void ImageStatistics::moments_of_row(int x, int y, int count, Quantity quantity, float* out) const {
-  const float* centre = plane_.row(y) + x;
+  const float* centre = plane_->row(y) + x;
   if (statistics_ == Statistics::PIXELS) {
     (quantity == Quantity::POWER ? pixel_power : pixel_square)(centre, count, out);
   } else if (statistics_ == Statistics::CELLS) {
     const auto moments = quantity == Quantity::POWER ? cell_power : cell_square;
-    moments(plane_.row(y - 1) + x, centre, count, cell_rows_[y], out);
+    moments(plane_->row(y - 1) + x, centre, count, cell_factors_[y], out);
   } else {
     const auto moments = quantity == Quantity::POWER ? interpolated_power : interpolated_square;
-    moments(plane_.row(y - 1) + x, centre, plane_.row(y + 1) + x, count, (float)row_weights_[y],
+    moments(plane_->row(y - 1) + x, centre, plane_->row(y + 1) + x, count, (float)row_weights_[y],
             out);
   }
 }
 
 void ImageStatistics::load_patch(const TexelRect& rect, Quantity quantity, float* values) const {
+  // Whole vectors; the luminance has as much slack at the end of its rows.
+  static_assert(LuminancePlane::kSlack >= 8 && kTile % 8 == 0);
+  const int count = (rect.size(0) + 7) / 8 * 8;
   for (int y = rect.lo[1]; y < rect.hi[1]; ++y) {
-    moments_of_row(rect.lo[0], y, rect.size(0), quantity, values + (y - rect.lo[1]) * kTile);
+    moments_of_row(rect.lo[0], y, count, quantity, values + (y - rect.lo[1]) * kTile);
   }
 }
 
-Moments ImageStatistics::corner_sum(const TexelRect& rect) const {
+Moments ImageStatistics::corner_sum(const TexelRect& rect, CornerSums* known) const {
   if (rect.area() <= 0) return {};
   const uint64_t key = (uint64_t)rect.lo[0] | (uint64_t)rect.lo[1] << 16 |
                        (uint64_t)rect.hi[0] << 32 | (uint64_t)rect.hi[1] << 48;
-  const auto known = corners_.find(key);
-  if (known != corners_.end()) return known->second;
+  CornerSums::Slot* slot = known ? &known->slot(key) : nullptr;
+  if (slot && slot->key == key) return slot->sum;
   double total[2] = {0, 0};
   float values[kTile * kTile];
   for (Quantity quantity : {Quantity::POWER, Quantity::SQUARE}) {
@@ -160,7 +187,9 @@ Moments ImageStatistics::corner_sum(const TexelRect& rect) const {
       for (int i = 0; i < rect.size(0); ++i) total[(int)quantity] += values[j * kTile + i];
     }
   }
-  return corners_[key] = {total[0], total[1]};
+  const Moments sum = {total[0], total[1]};
+  if (slot) *slot = {key, sum};
+  return sum;
 }
 
 double ImageStatistics::aligned_sum(const TexelRect& rect, int axis, Quantity quantity) const {
@@ -187,22 +216,22 @@ TexelRect ImageStatistics::inner_part(const TexelRect& rect, int axis) const {
   return inner;
 }
 
-Moments ImageStatistics::thin_sum(const TexelRect& rect) const {
+Moments ImageStatistics::thin_sum(const TexelRect& rect, CornerSums* known) const {
   if (rect.size(1) == 0) return {};
   const TexelRect inner = inner_part(rect, 0);
   TexelRect left = rect, right = rect;
   left.hi[0] = inner.lo[0];
   right.lo[0] = inner.hi[0];
-  const Moments rim = corner_sum(left) + corner_sum(right);
+  const Moments rim = corner_sum(left, known) + corner_sum(right, known);
   return inner.size(0) > 0 ? rim + aligned_moments(inner, 0) : rim;
 }
 
-Moments ImageStatistics::sum(const TexelRect& rect) const {
+Moments ImageStatistics::sum(const TexelRect& rect, CornerSums* known) const {
   const TexelRect inner = inner_part(rect, 1);
   TexelRect top = rect, bottom = rect;
   top.hi[1] = inner.lo[1];
   bottom.lo[1] = inner.hi[1];
-  const Moments rim = thin_sum(top) + thin_sum(bottom);
+  const Moments rim = thin_sum(top, known) + thin_sum(bottom, known);
   return inner.size(1) > 0 ? rim + aligned_moments(inner, 1) : rim;
 }
 

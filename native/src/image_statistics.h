@@ -13,7 +13,7 @@
 
 #include <cstdint>
 #include <functional>
-#include <unordered_map>
+#include <memory>
 #include <vector>
 
 #include "src/luminance_plane.h"
@@ -48,18 +48,42 @@ struct TexelRect {
   int64_t area() const { return (int64_t)size(0) * size(1); }
 };
 
-/// For one thread: sums are remembered.
+struct StripSums;
+
+/// Sums of corners that a thread has read, as a block's corners come up again and again; a new one
+/// takes the place of an old one. What is remembered changes no sum.
+class CornerSums {
+  static constexpr int kSlots = 8192;
+  struct Slot {
+    uint64_t key = 0;
+    Moments sum{};
+  };
+
+ public:
+  CornerSums() : slots_(kSlots) {}
+
+  static constexpr size_t nbytes() { return kSlots * sizeof(Slot); }
+
+ private:
+  friend class ImageStatistics;
+
+  Slot& slot(uint64_t key) { return slots_[key * 0x9e3779b97f4a7c15u >> 51]; }
+
+  std::vector<Slot> slots_;
+};
+
+/// Immutable once built: threads may share it.
 class ImageStatistics {
  public:
   static constexpr int kTile = 16;
 
-  /// Reads the image once. `keep_going` is asked now and then and stops the work by throwing.
-  ImageStatistics(const LatLongImage& image, Statistics statistics,
-                  const std::function<void(double done)>& keep_going);
+  /// `keep_going` is asked now and then with the share that is done and stops the work by throwing.
+  ImageStatistics(std::shared_ptr<const LuminancePlane> luminance, Statistics statistics,
+                  ThreadTeam& team, const std::function<void(double done)>& keep_going);
 
   const TreeGrid& grid() const { return grid_; }
   int extent(int axis) const { return axis == 0 ? grid_.columns() : grid_.rows(); }
-  Moments sum(const TexelRect& rect) const;
+  Moments sum(const TexelRect& rect, CornerSums* known = nullptr) const;
   /// Solid angle in steradians, or the number of pixels.
   double solid_angle(const TexelRect& rect) const {
     return rect.size(0) * (cumulative_rows_[rect.hi[1]] - cumulative_rows_[rect.lo[1]]);
@@ -78,35 +102,39 @@ class ImageStatistics {
   }
   int32_t border(int axis, int index) const;
 
-  const LuminancePlane& luminance() const { return plane_; }
+  const LuminancePlane& luminance() const { return *plane_; }
   /// Statistics::CELLS: the weights of row y.
   const CellRow& cell_row(int y) const { return cell_rows_[y]; }
-  const BadTexels& bad_texels() const { return bad_; }
+  const BadTexels& bad_texels() const { return plane_->bad_texels(); }
+  /// Of the tables, the luminance left out.
+  size_t nbytes() const;
 
  private:
-  void build(const LatLongImage& image, const std::function<void(double)>& keep_going);
+  void build(ThreadTeam& team, const std::function<void(double)>& keep_going);
+  /// Sums of a strip of tiles by column, and of each of its rows by tile, both from the image's
+  /// left.
+  void sum_strip(int strip, StripSums* sums);
   TexelRect inner_part(const TexelRect& rect, int axis) const;
   Moments aligned_moments(const TexelRect& rect, int axis) const;
-  Moments thin_sum(const TexelRect& rect) const;
-  /// Of at most kTile x kTile texels, read from the image; remembered, as a block's corners come up
-  /// again and again.
-  Moments corner_sum(const TexelRect& rect) const;
-  /// Values of texels [x, x + count) of row y; that row and its neighbours must have been read.
+  Moments thin_sum(const TexelRect& rect, CornerSums* known) const;
+  /// Of at most kTile x kTile texels, read from the image.
+  Moments corner_sum(const TexelRect& rect, CornerSums* known) const;
+  /// Values of texels [x, x + count) of row y.
   void moments_of_row(int x, int y, int count, Quantity quantity, float* out) const;
-  /// Values of a patch of at most kTile x kTile texels, rows kTile apart.
+  /// Values of a patch of at most kTile x kTile texels, rows kTile apart; beyond its columns
+  /// something is written, too.
   void load_patch(const TexelRect& rect, Quantity quantity, float* values) const;
 
-  LuminancePlane plane_;
+  std::shared_ptr<const LuminancePlane> plane_;
   Statistics statistics_;
   TreeGrid grid_;
   std::vector<CellRow> cell_rows_;
+  std::vector<CellFactors> cell_factors_;
   std::vector<double> row_weights_;      // of a texel
   std::vector<double> cumulative_rows_;  // height + 1
   // tables_[quantity][a]: exact along axis a, tile borders along the other; sums from the image's
   // origin.
   LargeArray<double> tables_[2][2];
-  mutable std::unordered_map<uint64_t, Moments> corners_;
-  BadTexels bad_;
 };
 
 }  // namespace skytree

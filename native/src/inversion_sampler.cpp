@@ -2,6 +2,7 @@
 #include "src/inversion_sampler.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "src/stopwatch.h"
 #include "src/texel_weights.h"
@@ -38,7 +39,7 @@ void make_guide(const float* cdf, int count, uint16_t* guide) {
 
 }  // namespace
 
-InversionSampler::InversionSampler(const LatLongImage& image, bool guided)
+InversionSampler::InversionSampler(const LatLongImage& image, bool guided, int threads)
     : width_(image.width), height_(image.height) {
   const Stopwatch stopwatch;
   check_image(image);
@@ -52,18 +53,20 @@ InversionSampler::InversionSampler(const LatLongImage& image, bool guided)
   rows_ = make_row_warps(width, height);
   const std::vector<double> solid_angles = row_solid_angles(width, height);
 
-  TexelWeightRows rows(image);
-  std::vector<double> sums(width), row_sums(height);
-  double total = 0;
-  for (int y = 0; y < height; ++y) {
-    const float* weights = rows.next();
+  ThreadTeam team(threads);
+  std::vector<std::vector<double>> scratch(team.size(), std::vector<double>(width));
+  std::vector<double> row_sums(height);
+  bad_texels_ = for_texel_weights(image, team, [&](int worker, int y, const float* weights) {
+    std::vector<double>& sums = scratch[worker];
     double sum = 0;
     for (int x = 0; x < width; ++x) sums[x] = sum += weights[x];
-    row_sums[y] = total += sum * solid_angles[y];
+    row_sums[y] = sum * solid_angles[y];
     float* cdf = conditional_.data() + (int64_t)y * (width + 1);
     quantize_cdf(sums.data(), width, cdf);
     if (guided) make_guide(cdf, width, conditional_guide_.data() + (int64_t)y * width);
-  }
+  });
+  std::partial_sum(row_sums.begin(), row_sums.end(), row_sums.begin());
+  const double total = row_sums.back();
   if (total <= 0) {  // black: by solid angle
     double sum = 0;
     for (int y = 0; y < height; ++y) row_sums[y] = sum += solid_angles[y];
@@ -71,7 +74,6 @@ InversionSampler::InversionSampler(const LatLongImage& image, bool guided)
   marginal_.resize(height + 1);
   quantize_cdf(row_sums.data(), height, marginal_.data());
   if (guided) make_guide(marginal_.data(), height, marginal_guide_.data());
-  bad_texels_ = rows.bad_texels();
   build_seconds_ = stopwatch.seconds();
 }
 

@@ -12,9 +12,9 @@ namespace skytree {
 /// mean interpolated luminance. A black map is sampled uniformly.
 class InversionSampler : public EnvironmentSampler {
  public:
-  /// guided: search from a table of starting points, else by plain binary search.
-  /// Throws std::invalid_argument for an empty image.
-  explicit InversionSampler(const LatLongImage& image, bool guided = true);
+  /// guided: search from a table of starting points, else by plain binary search. `threads` build,
+  /// 0: all cores; the tables do not depend on it. Throws std::invalid_argument for an empty image.
+  explicit InversionSampler(const LatLongImage& image, bool guided = true, int threads = 0);
 
   EnvSamplerView view() const override;
   size_t nbytes() const override;

@@ -11,12 +11,15 @@
 namespace skytree {
 namespace {
 
-// Reading the image is most of the work.
+// Reading the image is most of the work, half of it for the luminance.
 constexpr double kShareOfReading = 0.7;
 
 /// Of blocks of cells: the share of all that splitting could ever gain that counts as gained by any
 /// split. What comes to nothing is pruned afterwards.
 constexpr double kHope = 0.1;
+
+/// Blocks that a thread searches in turn: enough to be worth waking it.
+constexpr int kBlocksAhead = 32;
 
 void report(const BuildProgress& progress, double done) {
   if (progress && !progress(done)) throw BuildCancelled();
@@ -25,62 +28,93 @@ void report(const BuildProgress& progress, double done) {
 struct Candidate {
   double variation;
   int32_t node;
-  bool exact;  // else an upper bound, whose block has not been searched yet
-  Split split;
 
   bool operator<(const Candidate& other) const {
     return variation != other.variation ? variation < other.variation : node > other.node;
   }
 };
 
-class Builder {
+}  // namespace
+
+class TreeGrowth::Builder {
  public:
-  Builder(const ImageStatistics& statistics, int block_count, SplitCriterion criterion,
-          const BuildProgress& progress)
-      : block_count_(block_count),
-        criterion_(criterion),
-        progress_(progress),
-        statistics_(statistics) {
+  Builder(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion)
+      : criterion_(criterion), shared_(std::move(statistics)), statistics_(*shared_) {
     if (criterion == SplitCriterion::RANGE)
       ranges_ = std::make_unique<RangeTable>(statistics_.luminance());
-  }
-
-  BuildTree run() {
     const TexelRect whole = {{0, 0}, {statistics_.extent(0), statistics_.extent(1)}};
     add(whole, statistics_.sum(whole));
-    tree_.nodes.reserve(2 * (size_t)block_count_);
-    while (tree_.block_count < block_count_ && !candidates_.empty()) {
-      Candidate candidate = candidates_.top();
-      candidates_.pop();
-      const TexelRect rect = tree_.nodes[candidate.node].rect;
-      if (candidate.split.axis < 0) candidate.split = find_split(statistics_, rect, criterion_);
-      if (!candidate.exact) {
-        push_exact(candidate);
-        continue;
+  }
+
+  size_t nbytes() const {
+    return nodes_.size() * sizeof(BuildNode) + splits_.size() * sizeof(Split) +
+           (waiting_.size() + ready_.size()) * sizeof(Candidate) +
+           known_.size() * CornerSums::nbytes() + (ranges_ ? ranges_->nbytes() : 0);
+  }
+
+  BuildTree tree(int block_count, ThreadTeam& team, const BuildProgress& progress) {
+    for (;;) {
+      while (block_count_ < block_count && !waiting_.empty() &&
+             (ready_.empty() || ready_.top() < waiting_.top())) {
+        search_ahead(team);
       }
-      split(candidate);
-      if (tree_.block_count % 64 == 0) {
-        report(progress_,
-               kShareOfReading + (1 - kShareOfReading) * tree_.block_count / block_count_);
+      if (block_count_ >= block_count || ready_.empty()) break;
+      const int32_t node = ready_.top().node;
+      ready_.pop();
+      split(node);
+      if (block_count_ % 64 == 0) {
+        report(progress, kShareOfReading + (1 - kShareOfReading) * block_count_ / block_count);
       }
     }
-    tree_.bad_texels = statistics_.bad_texels();
-    return std::move(tree_);
+    return first_splits(std::min(block_count, block_count_));
   }
 
  private:
-  void add(const TexelRect& rect, const Moments& moments) {
-    const int32_t index = (int32_t)tree_.nodes.size();
-    BuildNode node;
-    node.rect = rect;
-    node.moments = moments;
-    tree_.nodes.push_back(node);
-    const double variation = rect.area() > 1 ? first_variation(node) : 0.0;
-    if (variation > 0) {
-      candidates_.push({variation, index, criterion_ != SplitCriterion::MIN_VARIANCE, Split()});
+  /// Finds the planes of the blocks that wait in front. None depends on another, and nearly all of
+  /// them are needed soon.
+  void search_ahead(ThreadTeam& team) {
+    const size_t most = team.size() > 1 ? kBlocksAhead * team.size() : 1;
+    std::vector<Candidate> taken;
+    for (; taken.size() < most && !waiting_.empty(); waiting_.pop()) {
+      taken.push_back(waiting_.top());
+    }
+    if ((int)known_.size() < team.size()) known_.resize(team.size());
+    splits_.resize(nodes_.size());
+    team.run((int)taken.size(), [&](int worker, int i) {
+      const int32_t node = taken[i].node;
+      splits_[node] = find_split(statistics_, nodes_[node].rect, criterion_, &known_[worker]);
+    });
+    for (const Candidate& candidate : taken) {
+      const double variation = criterion_ == SplitCriterion::MIN_VARIANCE
+                                   ? std::min(exact_variation(candidate.node), candidate.variation)
+                                   : candidate.variation;
+      if (variation > 0) ready_.push({variation, candidate.node});
     }
   }
 
+  BuildTree first_splits(int block_count) const {
+    BuildTree tree;
+    const int32_t count = 2 * block_count - 1;
+    tree.nodes.assign(nodes_.begin(), nodes_.begin() + count);
+    for (BuildNode& node : tree.nodes) {
+      if (node.first_child >= count) node = {node.rect, node.moments};
+    }
+    tree.block_count = block_count;
+    tree.bad_texels = statistics_.bad_texels();
+    return tree;
+  }
+
+  void add(const TexelRect& rect, const Moments& moments) {
+    const int32_t index = (int32_t)nodes_.size();
+    BuildNode node;
+    node.rect = rect;
+    node.moments = moments;
+    nodes_.push_back(node);
+    const double variation = rect.area() > 1 ? first_variation(node) : 0.0;
+    if (variation > 0) waiting_.push({variation, index});
+  }
+
+  /// By what a block queues; with MIN_VARIANCE a bound on it, which the search replaces.
   double first_variation(const BuildNode& node) const {
     const double solid_angle = statistics_.solid_angle(node.rect);
     switch (criterion_) {
@@ -105,53 +139,74 @@ class Builder {
     return gain > kVariationFloor * cost ? gain : 0.0;
   }
 
-  /// MIN_VARIANCE: the gain of the split replaces the bound, and the block queues again.
-  void push_exact(Candidate candidate) {
-    const BuildNode& node = tree_.nodes[candidate.node];
+  /// MIN_VARIANCE: the gain of the split.
+  double exact_variation(int32_t index) const {
+    const BuildNode& node = nodes_[index];
     const double cost = std::sqrt(statistics_.solid_angle(node.rect) * node.moments.square);
-    double gain = cost + candidate.split.score;
+    double gain = cost + splits_[index].score;
     if (statistics_.grid().cells) {
       // Light on both sides of a peak is alike, and then no single plane gains anything.
       gain = std::max(gain, kHope * (cost - node.moments.power));
     }
-    candidate.variation = worth(gain, cost);
-    candidate.exact = true;
-    if (candidate.variation > 0) candidates_.push(candidate);
+    return worth(gain, cost);
   }
 
-  void split(const Candidate& candidate) {
-    const Split& split = candidate.split;
-    BuildNode& node = tree_.nodes[candidate.node];
-    node.first_child = (int32_t)tree_.nodes.size();
+  void split(int32_t index) {
+    const Split& split = splits_[index];
+    BuildNode& node = nodes_[index];
+    node.first_child = (int32_t)nodes_.size();
     node.axis = split.axis;
     node.position = split.position;
     TexelRect first = node.rect, second = node.rect;
     first.hi[split.axis] = second.lo[split.axis] = split.position;
     add(first, split.first);
     add(second, split.second);
-    ++tree_.block_count;
+    ++block_count_;
   }
 
-  const int block_count_;
   const SplitCriterion criterion_;
-  const BuildProgress& progress_;
+  const std::shared_ptr<const ImageStatistics> shared_;
   const ImageStatistics& statistics_;
   std::unique_ptr<RangeTable> ranges_;
-  std::priority_queue<Candidate> candidates_;
-  BuildTree tree_;
+  std::vector<CornerSums> known_;                   // of each thread
+  std::priority_queue<Candidate> waiting_, ready_;  // to be searched; with a plane in splits_
+  std::vector<BuildNode> nodes_;
+  std::vector<Split> splits_;  // by node
+  int32_t block_count_ = 1;
 };
 
-}  // namespace
+TreeGrowth::TreeGrowth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion)
+    : builder_(std::make_unique<Builder>(std::move(statistics), criterion)) {}
 
-ImageStatistics read_statistics(const LatLongImage& image, Statistics statistics,
-                                const BuildProgress& progress) {
-  return ImageStatistics(image, statistics,
-                         [&](double done) { report(progress, kShareOfReading * done); });
+TreeGrowth::~TreeGrowth() = default;
+
+BuildTree TreeGrowth::tree(int block_count, ThreadTeam& team, const BuildProgress& progress) {
+  return builder_->tree(block_count, team, progress);
 }
 
-BuildTree build_kdtree(const ImageStatistics& statistics, int block_count, SplitCriterion criterion,
-                       const BuildProgress& progress) {
-  return Builder(statistics, block_count, criterion, progress).run();
+size_t TreeGrowth::nbytes() const { return builder_->nbytes(); }
+
+BuildTree build_kdtree(const LatLongImage& image, Statistics statistics, int block_count,
+                       SplitCriterion criterion, const BuildProgress& progress) {
+  ThreadTeam team;
+  TreeGrowth growth(
+      measure_statistics(read_luminance(image, team, progress), statistics, team, progress),
+      criterion);
+  return growth.tree(block_count, team, progress);
+}
+
+std::shared_ptr<const LuminancePlane> read_luminance(const LatLongImage& image, ThreadTeam& team,
+                                                     const BuildProgress& progress) {
+  return std::make_shared<LuminancePlane>(
+      image, team, [&](double done) { report(progress, 0.5 * kShareOfReading * done); });
+}
+
+std::shared_ptr<const ImageStatistics> measure_statistics(
+    std::shared_ptr<const LuminancePlane> luminance, Statistics statistics, ThreadTeam& team,
+    const BuildProgress& progress) {
+  return std::make_shared<ImageStatistics>(
+      std::move(luminance), statistics, team,
+      [&](double done) { report(progress, 0.5 * kShareOfReading * (1 + done)); });
 }
 
 }  // namespace skytree

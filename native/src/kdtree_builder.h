@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <stdexcept>
 #include <vector>
 
@@ -36,12 +37,33 @@ struct BuildTree {
   BadTexels bad_texels;
 };
 
-/// Fewer blocks come out if no block with variation is left: a constant map stays one block.
-/// Depends on the image and the arguments only; equal variations split in order of creation.
-BuildTree build_kdtree(const ImageStatistics& statistics, int block_count, SplitCriterion criterion,
-                       const BuildProgress& progress);
-/// What the builder reads, with the reading as the first part of the progress.
-ImageStatistics read_statistics(const LatLongImage& image, Statistics statistics,
-                                const BuildProgress& progress);
+/// A kd-tree that grows on demand. The first n - 1 splits of a larger tree are those of the tree
+/// with n blocks, so that a smaller one costs nothing and a larger one what is added. Depends on
+/// the image and the criterion only; equal variations split in order of creation.
+class TreeGrowth {
+ public:
+  TreeGrowth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion);
+  ~TreeGrowth();
+
+  /// Fewer blocks come out if no block with variation is left: a constant map stays one block.
+  /// After a BuildCancelled it may be asked again. For one thread at a time.
+  BuildTree tree(int block_count, ThreadTeam& team, const BuildProgress& progress);
+  /// Of the tree so far, the statistics left out.
+  size_t nbytes() const;
+
+ private:
+  class Builder;
+  std::unique_ptr<Builder> builder_;
+};
+
+/// A tree that is grown once.
+BuildTree build_kdtree(const LatLongImage& image, Statistics statistics, int block_count,
+                       SplitCriterion criterion, const BuildProgress& progress);
+/// What a builder reads of a map, with the reading as the first part of the progress.
+std::shared_ptr<const LuminancePlane> read_luminance(const LatLongImage& image, ThreadTeam& team,
+                                                     const BuildProgress& progress);
+std::shared_ptr<const ImageStatistics> measure_statistics(
+    std::shared_ptr<const LuminancePlane> luminance, Statistics statistics, ThreadTeam& team,
+    const BuildProgress& progress);
 
 }  // namespace skytree

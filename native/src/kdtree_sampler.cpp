@@ -59,15 +59,17 @@ Statistics grid_statistics(const KdTreeConfig& config) {
 }  // namespace
 
 KdTreeSampler::KdTreeSampler(const LatLongImage& image, const KdTreeConfig& config)
+    : KdTreeSampler(MapStatistics(image), config) {}
+
+KdTreeSampler::KdTreeSampler(MapStatistics& map, const KdTreeConfig& config)
     : statistics_(config.statistics) {
   const Stopwatch stopwatch;
-  check_image(image);
   check_config(config);
-  const ImageStatistics statistics =
-      read_statistics(image, grid_statistics(config), config.progress);
-  grid_ = statistics.grid();
-  bad_texels_ = statistics.bad_texels();
-  const BuildTree tree = grow(statistics, config);
+  ThreadTeam team(config.threads);
+  const MapStatistics::Tree grown = grow(map, config, team);
+  const BuildTree& tree = grown.tree;
+  grid_ = grown.statistics->grid();
+  bad_texels_ = tree.bad_texels;
   const bool by_rank = config.block_probability == BlockProbability::FITTED;
   std::vector<int32_t> blocks = leaves_depth_first(tree);
   if (by_rank) {
@@ -76,7 +78,7 @@ KdTreeSampler::KdTreeSampler(const LatLongImage& image, const KdTreeConfig& conf
     });
   }
   for (int32_t block : blocks) rects_.push_back(tree.nodes[block].rect);
-  fit_blocks(statistics, tree, blocks);
+  fit_blocks(grown, blocks, team);
   set_probabilities(tree, blocks, config);
   layout_ = KdTreeLayout(tree, blocks, grid_);
   if (by_rank) {
@@ -136,47 +138,60 @@ size_t splits_that_pay(const BuildTree& tree, const TreeGrid& grid,
 
 }  // namespace
 
-BuildTree KdTreeSampler::grow(const ImageStatistics& statistics, const KdTreeConfig& config) const {
+MapStatistics::Tree KdTreeSampler::grow(MapStatistics& map, const KdTreeConfig& config,
+                                        ThreadTeam& team) const {
   const bool automatic = config.block_count == KdTreeConfig::kAutoBlockCount;
-  if (!grid_.cells) {
+  const Statistics kind = grid_statistics(config);
+  if (kind != Statistics::CELLS) {
     const int count = automatic ? KdTreeConfig::kDefaultBlockCount : config.block_count;
-    return build_kdtree(statistics, count, config.split_criterion, config.progress);
+    return map.tree(kind, config.split_criterion, count, team, config.progress);
   }
   const int largest = automatic ? KdTreeConfig::kLargestAutoBlockCount : config.block_count;
-  const int grown = std::min((int)(kOvergrowth * largest), KdTreeConfig::kLargestBlockCount);
-  const BuildTree tree = build_kdtree(statistics, grown, config.split_criterion, config.progress);
-  std::vector<TiltMoments> moments(tree.nodes.size());
-  std::vector<double> costs(tree.nodes.size());
-  for (size_t i = tree.nodes.size(); i-- > 0;) {
-    const int32_t child = tree.nodes[i].first_child;
-    moments[i] = child < 0 ? measure_tilt(statistics, tree.nodes[i].rect, tree.nodes[i].moments)
-                           : moments[child] + moments[child + 1];
-    costs[i] = approximate_cost(statistics, tree.nodes[i].rect, moments[i]);
+  const int count = std::min((int)(kOvergrowth * largest), KdTreeConfig::kLargestBlockCount);
+  MapStatistics::Tree grown = map.tree(kind, config.split_criterion, count, team, config.progress);
+  const ImageStatistics& statistics = *grown.statistics;
+  const std::vector<BuildNode>& nodes = grown.tree.nodes;
+  std::vector<double> costs(nodes.size());
+  for (size_t i = nodes.size(); i-- > 0;) {
+    const int32_t child = nodes[i].first_child;
+    if (child >= 0) grown.tilts[i] = grown.tilts[child] + grown.tilts[child + 1];
+    costs[i] = approximate_cost(statistics, nodes[i].rect, grown.tilts[i]);
   }
-  const std::vector<int32_t> splits = best_splits(tree, costs);
-  const size_t count =
-      automatic ? splits_that_pay(tree, grid_, splits, costs, largest) : largest - 1;
-  return take_splits(tree, splits, count);
+  const std::vector<int32_t> splits = best_splits(grown.tree, costs);
+  const size_t taken = automatic
+                           ? splits_that_pay(grown.tree, statistics.grid(), splits, costs, largest)
+                           : largest - 1;
+  grown.tree = take_splits(grown.tree, splits, taken);
+  grown.tilts.clear();  // were those of other nodes
+  return grown;
 }
 
 double KdTreeSampler::solid_angle(const TexelRect& rect) const {
   return 4.0 * kPiDouble * grid_.rise(rect.lo[1], rect.hi[1]) * rect.size(0) / grid_.columns();
 }
 
-void KdTreeSampler::fit_blocks(const ImageStatistics& statistics, const BuildTree& tree,
-                               const std::vector<int32_t>& blocks) {
-  for (size_t b = 0; b < blocks.size(); ++b) {
-    if (!grid_.cells) {
-      squares_.push_back(tree.nodes[blocks[b]].moments.square);
-      continue;
+void KdTreeSampler::fit_blocks(const MapStatistics::Tree& grown, const std::vector<int32_t>& blocks,
+                               ThreadTeam& team) {
+  squares_.resize(blocks.size());
+  if (!grid_.cells) {
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      squares_[b] = grown.tree.nodes[blocks[b]].moments.square;
     }
-    const TiltMoments moments = measure_tilt(statistics, rects_[b], tree.nodes[blocks[b]].moments);
-    const FittedTilts fitted = fit_tilts(statistics, rects_[b], moments);
-    // As the tables hold them, in 1/32768.
-    tilts_.push_back({std::round(fitted.tilts.along * 32768) / 32768,
-                      std::round(fitted.tilts.down * 32768) / 32768});
-    squares_.push_back(fitted.integral);
+    return;
   }
+  tilts_.resize(blocks.size());
+  const ImageStatistics& statistics = *grown.statistics;
+  team.run_chunks((int)blocks.size(), 16, [&](int, int first, int last) {
+    for (int b = first; b < last; ++b) {
+      const TiltMoments moments =
+          measure_tilt(statistics, rects_[b], grown.tree.nodes[blocks[b]].moments);
+      const FittedTilts fitted = fit_tilts(statistics, rects_[b], moments);
+      // As the tables hold them, in 1/32768.
+      tilts_[b] = {std::round(fitted.tilts.along * 32768) / 32768,
+                   std::round(fitted.tilts.down * 32768) / 32768};
+      squares_[b] = fitted.integral;
+    }
+  });
 }
 
 void KdTreeSampler::set_probabilities(const BuildTree& tree, const std::vector<int32_t>& blocks,

@@ -7,7 +7,7 @@
 #include "src/cut_tables.h"
 #include "src/environment_sampler.h"
 #include "src/kdtree_layout.h"
-#include "src/linear_fit.h"
+#include "src/map_statistics.h"
 #include "src/rank_fit.h"
 
 namespace skytree {
@@ -48,6 +48,7 @@ struct KdTreeConfig {
   /// where BSDF sampling takes part.
   double compensation = 0.0;
   BuildProgress progress;
+  int threads = 0;  ///< that build; 0: all cores. The tables do not depend on it.
 };
 
 class KdTreeSampler : public EnvironmentSampler {
@@ -55,6 +56,9 @@ class KdTreeSampler : public EnvironmentSampler {
   /// The image is read here and not kept. Throws std::invalid_argument for an empty image or a
   /// setting out of range, BuildCancelled if config.progress returned false.
   explicit KdTreeSampler(const LatLongImage& image, const KdTreeConfig& config = {});
+  /// The same with what other builds of the map have left, and leaving it for others. `map` is not
+  /// kept.
+  explicit KdTreeSampler(MapStatistics& map, const KdTreeConfig& config = {});
 
   EnvSamplerView view() const override;
   size_t nbytes() const override;
@@ -82,9 +86,10 @@ class KdTreeSampler : public EnvironmentSampler {
   void reconstruct(const LatLongImage& image, float* out) const;
 
  private:
-  BuildTree grow(const ImageStatistics& statistics, const KdTreeConfig& config) const;
-  void fit_blocks(const ImageStatistics& statistics, const BuildTree& tree,
-                  const std::vector<int32_t>& blocks);
+  KdTreeSampler(MapStatistics&& map, const KdTreeConfig& config) : KdTreeSampler(map, config) {}
+  MapStatistics::Tree grow(MapStatistics& map, const KdTreeConfig& config, ThreadTeam& team) const;
+  void fit_blocks(const MapStatistics::Tree& grown, const std::vector<int32_t>& blocks,
+                  ThreadTeam& team);
   void set_probabilities(const BuildTree& tree, const std::vector<int32_t>& blocks,
                          const KdTreeConfig& config);
   void place_blocks_by_rank();

@@ -2,6 +2,7 @@
 #include "src/linear_fit.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <vector>
 
@@ -148,10 +149,16 @@ TiltMoments measure_tilt(const ImageStatistics& statistics, const TexelRect& rec
   const int count = rect.size(0);
   const double scale = kPiDouble / (2 * grid.height);
   double power = 0, along = 0, down = 0;
+  double upper[2], lower[2];  // sums over the rows of centres above and below y
+  int known = INT32_MIN;      // the last y
   for_some_rows(rect, kMeasuredCells, [&](int y) {
-    double upper[2], lower[2];
-    sum_row(plane.row(y - 1) + rect.lo[0], count, &upper[0], &upper[1]);
+    if (known == y - 1) {
+      std::copy(lower, lower + 2, upper);
+    } else {
+      sum_row(plane.row(y - 1) + rect.lo[0], count, &upper[0], &upper[1]);
+    }
     sum_row(plane.row(y) + rect.lo[0], count, &lower[0], &lower[1]);
+    known = y;
     const CellRow& row = statistics.cell_row(y);
     const double sum = row.upper * upper[0] + row.lower * lower[0];
     power += sum;

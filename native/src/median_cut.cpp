@@ -5,7 +5,7 @@
 
 namespace skytree {
 
-Split find_median_cut(const ImageStatistics& statistics, const TexelRect& rect) {
+Split find_median_cut(const ImageStatistics& statistics, const TexelRect& rect, CornerSums* known) {
   // Sides in radians; meridians draw together towards the poles.
   const int width = statistics.extent(0), height = statistics.extent(1);
   const double middle = 0.5 * (rect.lo[1] + rect.hi[1]);
@@ -15,11 +15,11 @@ Split find_median_cut(const ImageStatistics& statistics, const TexelRect& rect) 
   if (rect.area() < 2) return split;
   split.axis = (across >= down && rect.size(0) > 1) || rect.size(1) < 2 ? 0 : 1;
 
-  const double half = 0.5 * statistics.sum(rect).power;
+  const double half = 0.5 * statistics.sum(rect, known).power;
   const auto before = [&](int32_t position) {
     TexelRect part = rect;
     part.hi[split.axis] = position;
-    return statistics.sum(part).power;
+    return statistics.sum(part, known).power;
   };
   int32_t lo = rect.lo[split.axis] + 1, hi = rect.hi[split.axis] - 1;
   while (lo < hi) {
@@ -38,8 +38,8 @@ Split find_median_cut(const ImageStatistics& statistics, const TexelRect& rect) 
   split.position = lo;
   TexelRect first = rect, second = rect;
   first.hi[split.axis] = second.lo[split.axis] = lo;
-  split.first = statistics.sum(first);
-  split.second = statistics.sum(second);
+  split.first = statistics.sum(first, known);
+  split.second = statistics.sum(second, known);
   return split;
 }
 

@@ -13,7 +13,8 @@
 namespace skytree {
 
 /// The plane nearest to the half of the power, along the side that is longer on the sphere.
-Split find_median_cut(const ImageStatistics& statistics, const TexelRect& rect);
+Split find_median_cut(const ImageStatistics& statistics, const TexelRect& rect,
+                      CornerSums* known = nullptr);
 
 /// The paper's use of the regions: one distant point light for each.
 struct PointLight {

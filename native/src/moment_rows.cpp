@@ -33,18 +33,24 @@ SKY_CLONES void interpolated_square(const float* __restrict above, const float* 
   }
 }
 
+CellFactors::CellFactors(const CellRow& row)
+    : upper((float)(0.5 * row.upper)),
+      lower((float)(0.5 * row.lower)),
+      upper_square((float)(row.upper_square / 3)),
+      product((float)(row.product / 3)),
+      lower_square((float)(row.lower_square / 3)) {}
+
 SKY_CLONES void cell_power(const float* __restrict upper, const float* __restrict lower, int count,
-                           const CellRow& row, float* __restrict out) {
-  const float u = (float)(0.5 * row.upper), l = (float)(0.5 * row.lower);
+                           const CellFactors& row, float* __restrict out) {
+  const float u = row.upper, l = row.lower;
   for (int x = 0; x < count; ++x) {
     out[x] = u * (upper[x] + upper[x + 1]) + l * (lower[x] + lower[x + 1]);
   }
 }
 
 SKY_CLONES void cell_square(const float* __restrict upper, const float* __restrict lower, int count,
-                            const CellRow& row, float* __restrict out) {
-  const float uu = (float)(row.upper_square / 3), ul = (float)(row.product / 3),
-              ll = (float)(row.lower_square / 3);
+                            const CellFactors& row, float* __restrict out) {
+  const float uu = row.upper_square, ul = row.product, ll = row.lower_square;
   for (int x = 0; x < count; ++x) {
     const float a = upper[x], b = upper[x + 1], c = lower[x], d = lower[x + 1];
     out[x] = uu * (a * a + a * b + b * b) + ul * (a * (2 * c + d) + b * (c + 2 * d)) +

@@ -23,9 +23,18 @@ struct CellRow {
   double solid_angle() const { return upper + lower; }
 };
 
+/// A CellRow's as factors of cell_power's and cell_square's sums.
+struct CellFactors {
+  float upper, lower, upper_square, product, lower_square;
+
+  explicit CellFactors(const CellRow& row);
+};
+
 /// Integrals over cells of L and L^2, L bilinear: cell x lies between columns x and x + 1.
-void cell_power(const float* upper, const float* lower, int count, const CellRow& row, float* out);
-void cell_square(const float* upper, const float* lower, int count, const CellRow& row, float* out);
+void cell_power(const float* upper, const float* lower, int count, const CellFactors& row,
+                float* out);
+void cell_square(const float* upper, const float* lower, int count, const CellFactors& row,
+                 float* out);
 
 /// The pixel's own value and its square.
 void pixel_power(const float* centre, int count, float* out);

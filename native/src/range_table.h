@@ -16,6 +16,7 @@ class RangeTable {
 
   /// Largest minus smallest.
   double range(const TexelRect& rect) const;
+  size_t nbytes() const { return tiles_.size() * sizeof(Bounds); }
 
  private:
   static constexpr int kTile = ImageStatistics::kTile;

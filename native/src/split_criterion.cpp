@@ -20,22 +20,25 @@ constexpr int kTile = ImageStatistics::kTile;
 
 class SplitSearch {
  public:
-  SplitSearch(const ImageStatistics& statistics, const TexelRect& rect, SplitCriterion criterion)
+  SplitSearch(const ImageStatistics& statistics, const TexelRect& rect, SplitCriterion criterion,
+              CornerSums* known)
       : statistics_(statistics),
+        known_(known),
         rect_(rect),
         solid_angle_(statistics.solid_angle(rect)),
         min_variance_(criterion == SplitCriterion::MIN_VARIANCE),
         quantity_(min_variance_ ? Quantity::SQUARE : Quantity::POWER) {}
 
   Split run() {
-    if (min_variance_) unsplit_score_ = -std::sqrt(solid_angle_ * statistics_.sum(rect_).square);
+    if (min_variance_)
+      unsplit_score_ = -std::sqrt(solid_angle_ * statistics_.sum(rect_, known_).square);
     search_axis(0);
     search_axis(1);
     if (best_.axis >= 0) {
       TexelRect first = rect_, second = rect_;
       first.hi[best_.axis] = second.lo[best_.axis] = best_.position;
-      best_.first = statistics_.sum(first);
-      best_.second = statistics_.sum(second);
+      best_.first = statistics_.sum(first, known_);
+      best_.second = statistics_.sum(second, known_);
     }
     return best_;
   }
@@ -106,7 +109,7 @@ class SplitSearch {
       part.hi[axis] = cuts_[i + 1];
       const bool aligned = i > 0 && i + 1 < tiles;
       behind_[i] = aligned ? statistics_.aligned_sum(part, axis, quantity_)
-                           : quantity(statistics_.sum(part));
+                           : quantity(statistics_.sum(part, known_));
       before_[i + 1] = before_[i] + behind_[i];
     }
     for (int i = tiles - 1; i >= 0; --i) behind_[i] += behind_[i + 1];
@@ -178,6 +181,7 @@ class SplitSearch {
   }
 
   const ImageStatistics& statistics_;
+  CornerSums* const known_;
   const TexelRect rect_;
   const double solid_angle_;
   const bool min_variance_;
@@ -195,10 +199,10 @@ double squared_error(const Moments& moments, double solid_angle) {
   return error > kVariationFloor * moments.square ? error : 0.0;
 }
 
-Split find_split(const ImageStatistics& statistics, const TexelRect& rect,
-                 SplitCriterion criterion) {
-  if (criterion == SplitCriterion::MEDIAN_CUT) return find_median_cut(statistics, rect);
-  return SplitSearch(statistics, rect, criterion).run();
+Split find_split(const ImageStatistics& statistics, const TexelRect& rect, SplitCriterion criterion,
+                 CornerSums* known) {
+  if (criterion == SplitCriterion::MEDIAN_CUT) return find_median_cut(statistics, rect, known);
+  return SplitSearch(statistics, rect, criterion, known).run();
 }
 
 }  // namespace skytree

@@ -41,7 +41,7 @@ constexpr double kGainTolerance = 0.1;
 /// position. The score of RANGE, VARIANCE and SSE is S1^2/n1 + S2^2/n2 (the paper's), of
 /// MIN_VARIANCE the negative of sqrt(n1 Q1) + sqrt(n2 Q2), with n the solid angle, S the power, Q
 /// the square; there the gain over not splitting is within kGainTolerance of the best.
-Split find_split(const ImageStatistics& statistics, const TexelRect& rect,
-                 SplitCriterion criterion);
+Split find_split(const ImageStatistics& statistics, const TexelRect& rect, SplitCriterion criterion,
+                 CornerSums* known = nullptr);
 
 }  // namespace skytree

@@ -2,33 +2,30 @@
 #include "src/texel_weights.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace skytree {
 
-TexelWeightRows::TexelWeightRows(const LatLongImage& image)
+TexelWeightRows::TexelWeightRows(const LatLongImage& image, int first)
     : image_(image),
+      y_(first),
       above_(image.width),
       centre_(image.width),
       below_(image.width),
       column_(image.width + 2),
-      weights_(image.width) {}
-
-void TexelWeightRows::load(int y, std::vector<float>& row) {
-  luminance_row(image_, y, row.data(), &bad_);
+      weights_(image.width) {
+  BadTexels not_ours;
+  luminance_row(image, std::max(first - 1, 0), centre_.data(), &not_ours);
+  luminance_row(image, first, below_.data(), &bad_below_);
 }
 
 const float* TexelWeightRows::next() {
   const int width = image_.width;
-  if (y_ == 0) {
-    load(0, centre_);
-    above_ = centre_;
-  } else {
-    above_.swap(centre_);
-    centre_.swap(below_);
-  }
+  above_.swap(centre_);
+  centre_.swap(below_);
+  bad_ += bad_below_;
+  bad_below_ = {};
   if (y_ + 1 < image_.height) {
-    load(y_ + 1, below_);
+    luminance_row(image_, y_ + 1, below_.data(), &bad_below_);
   } else {
     below_ = centre_;
   }
@@ -45,6 +42,20 @@ const float* TexelWeightRows::next() {
   }
   ++y_;
   return weights;
+}
+
+BadTexels for_texel_weights(const LatLongImage& image, ThreadTeam& team,
+                            const std::function<void(int, int, const float*)>& use) {
+  constexpr int kRows = 64;  // the row above and the one below are read twice
+  std::vector<BadTexels> parts(team.size());
+  team.run_chunks(image.height, kRows, [&](int worker, int first, int last) {
+    TexelWeightRows rows(image, first);
+    for (int y = first; y < last; ++y) use(worker, y, rows.next());
+    parts[worker] += rows.bad_texels();
+  });
+  BadTexels bad;
+  for (const BadTexels& part : parts) bad += part;
+  return bad;
 }
 
 }  // namespace skytree

@@ -15,7 +15,12 @@ namespace {
 
 using testing::Map;
 
-const auto kIgnoreProgress = [](double) {};
+ImageStatistics measure(const Map& map, Statistics statistics) {
+  ThreadTeam team(2);
+  const auto ignore = [](double) {};
+  return ImageStatistics(std::make_shared<LuminancePlane>(map.view(), team, ignore), statistics,
+                         team, ignore);
+}
 
 /// Moments of every texel by definition: the oracle.
 class BruteForce {
@@ -103,7 +108,7 @@ TEST(ImageStatistics, EverySumIsTheSumOverItsTexels) {
     for (const Size& size : kSizes) {
       const Map map = noisy_map(size.width, size.height, 1);
       const BruteForce oracle(map, statistics);
-      const ImageStatistics fast(map.view(), statistics, kIgnoreProgress);
+      const ImageStatistics fast = measure(map, statistics);
       for (int i = 0; i < 300; ++i) {
         const TexelRect rect = random_rect(generator, size.width, size.height);
         const Moments expected = oracle.sum(rect), got = fast.sum(rect);
@@ -118,7 +123,7 @@ TEST(ImageStatistics, ASunOutsideAddsNothing) {
   Map map(64, 64, 1e-3f);
   map.set(20, 20, 1e9f);
   const BruteForce oracle(map, Statistics::PIXELS);
-  const ImageStatistics fast(map.view(), Statistics::PIXELS, kIgnoreProgress);
+  const ImageStatistics fast = measure(map, Statistics::PIXELS);
   std::mt19937 generator(5);
   for (int i = 0; i < 2000; ++i) {
     const TexelRect rect = random_rect(generator, 64, 64);
@@ -132,7 +137,7 @@ TEST(ImageStatistics, ASunOutsideAddsNothing) {
 TEST(ImageStatistics, SlicesSumToTheRectangle) {
   const Map map = noisy_map(70, 90, 2);
   const BruteForce oracle(map, Statistics::RADIANCE);
-  const ImageStatistics fast(map.view(), Statistics::RADIANCE, kIgnoreProgress);
+  const ImageStatistics fast = measure(map, Statistics::RADIANCE);
   std::mt19937 generator(9);
   for (int i = 0; i < 300; ++i) {
     TexelRect rect = random_rect(generator, 70, 90);
@@ -154,7 +159,7 @@ TEST(ImageStatistics, SlicesSumToTheRectangle) {
 TEST(ImageStatistics, ConstantMapHasNoSquaredError) {
   for (float value : {1e-3f, 0.7f, 1e4f}) {
     const Map map(100, 50, value);
-    const ImageStatistics fast(map.view(), Statistics::RADIANCE, kIgnoreProgress);
+    const ImageStatistics fast = measure(map, Statistics::RADIANCE);
     std::mt19937 generator(5);
     for (int i = 0; i < 300; ++i) {
       const TexelRect rect = random_rect(generator, 100, 50);
@@ -175,7 +180,7 @@ TEST(SplitCriterion, FindsThePlaneThatTryingEveryPlaneFinds) {
     for (uint32_t seed = 0; seed < 3; ++seed) {
       const Map map = seed == 2 ? testing::make_outdoor_map(120, 60) : noisy_map(90, 75, seed);
       const BruteForce oracle(map, statistics);
-      const ImageStatistics fast(map.view(), statistics, kIgnoreProgress);
+      const ImageStatistics fast = measure(map, statistics);
       for (int i = 0; i < 60; ++i) {
         const TexelRect rect = i == 0 ? TexelRect{{0, 0}, {map.width, map.height}}
                                       : random_rect(generator, map.width, map.height);
@@ -211,7 +216,7 @@ TEST(SplitCriterion, FindsThePlaneThatTryingEveryPlaneFinds) {
 
 TEST(SplitCriterion, SingleTexelHasNoPlane) {
   const Map map(4, 4, 1.0f);
-  const ImageStatistics fast(map.view(), Statistics::PIXELS, kIgnoreProgress);
+  const ImageStatistics fast = measure(map, Statistics::PIXELS);
   EXPECT_LT(find_split(fast, {{1, 1}, {2, 2}}, SplitCriterion::SSE).axis, 0);
 }
 
@@ -220,7 +225,7 @@ TEST(SplitCriterion, SeparatesTwoHalves) {
   for (int y = 0; y < 16; ++y) {
     for (int x = 11; x < 32; ++x) map.set(x, y, 9.0f);
   }
-  const ImageStatistics fast(map.view(), Statistics::PIXELS, kIgnoreProgress);
+  const ImageStatistics fast = measure(map, Statistics::PIXELS);
   const Split split = find_split(fast, {{0, 0}, {32, 16}}, SplitCriterion::SSE);
   EXPECT_EQ(split.axis, 0);
   EXPECT_EQ(split.position, 11);
@@ -228,9 +233,8 @@ TEST(SplitCriterion, SeparatesTwoHalves) {
 
 TEST(RangeTable, RangeIsThatOfTheTexels) {
   const Map map = noisy_map(50, 40, 4);
-  LuminancePlane plane(50, 40);
-  BadTexels bad;
-  for (int y = 0; y < 40; ++y) plane.read_row(map.view(), y, &bad);
+  const ImageStatistics statistics = measure(map, Statistics::PIXELS);
+  const LuminancePlane& plane = statistics.luminance();
   const RangeTable table(plane);
   std::mt19937 generator(5);
   for (int i = 0; i < 500; ++i) {

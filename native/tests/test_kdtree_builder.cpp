@@ -16,7 +16,7 @@ constexpr SplitCriterion kCriteria[] = {SplitCriterion::RANGE, SplitCriterion::V
 
 BuildTree build(const Map& map, int blocks, SplitCriterion criterion,
                 Statistics statistics = Statistics::RADIANCE) {
-  return build_kdtree(read_statistics(map.view(), statistics, {}), blocks, criterion, {});
+  return build_kdtree(map.view(), statistics, blocks, criterion, {});
 }
 
 TEST(KdTreeBuilder, BlocksTileTheMap) {
@@ -75,7 +75,10 @@ TEST(KdTreeBuilder, OneLitPixelIsIsolatedAndThenSplittingStops) {
 
 TEST(KdTreeBuilder, SplitsTheBlockWithTheLargestSquaredErrorFirst) {
   const Map map = testing::make_outdoor_map(128, 64);
-  const ImageStatistics statistics(map.view(), Statistics::PIXELS, [](double) {});
+  ThreadTeam team(1);
+  const auto shared =
+      measure_statistics(read_luminance(map.view(), team, {}), Statistics::PIXELS, team, {});
+  const ImageStatistics& statistics = *shared;
   const BuildTree tree = build(map, 200, SplitCriterion::SSE, Statistics::PIXELS);
   // Replayed: at every step the split block has the largest error of those that exist.
   std::vector<int32_t> existing = {0};

@@ -64,7 +64,10 @@ void for_cell_points(const TreeGrid& grid, const Visit& visit) {
 TEST(LinearBlocks, SumsOverCellsAreThoseOfTheInterpolatedMap) {
   for (const Map& map : maps()) {
     SCOPED_TRACE(std::to_string(map.width) + "x" + std::to_string(map.height));
-    const ImageStatistics statistics = read_statistics(map.view(), Statistics::CELLS, {});
+    ThreadTeam team(2);
+    const auto shared =
+        measure_statistics(read_luminance(map.view(), team, {}), Statistics::CELLS, team, {});
+    const ImageStatistics& statistics = *shared;
     const TreeGrid& grid = statistics.grid();
     std::vector<Moments> cells((size_t)grid.columns() * grid.rows());
     std::vector<double> solid_angles(cells.size());
