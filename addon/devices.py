@@ -18,6 +18,11 @@ def cuda_problem() -> str | None:
     return problem.rstrip(".") if problem else None
 
 
+def render_threads(render) -> int:
+    """Threads that scene.render allows: what Blender calls fixed, or 0 for all cores."""
+    return render.threads if render.threads_mode == "FIXED" else 0
+
+
 def device_from_command_line(arguments: list[str] | None = None) -> str | None:
     """What stands behind --skytree-device (or --skytree-device=...), None where it is not given."""
     arguments = sys.argv if arguments is None else arguments

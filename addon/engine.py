@@ -11,7 +11,7 @@ import numpy as np
 
 from . import devices, native, status
 from .camera import CameraError, Film, camera_matrices, film_of
-from .devices import render_device
+from .devices import render_device, render_threads
 from .environments import candidates_of
 from .messages import Messages
 from .sync.scene import SceneSync
@@ -80,7 +80,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             return
         sync_seconds = time.perf_counter() - started
 
-        session = native.core().RenderSession(thread_count(scene.render), render_device(settings))
+        session = native.core().RenderSession(render_threads(scene.render), render_device(settings))
         session.start(
             sync.scene,
             film.width,
@@ -146,11 +146,6 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
         for severity, text in messages:
             if severity != "INFO":
                 self.report({severity}, text)
-
-
-def thread_count(render) -> int:
-    """0: all cores."""
-    return render.threads if render.threads_mode == "FIXED" else 0
 
 
 def set_pass(render_pass, pixels: np.ndarray):

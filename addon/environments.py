@@ -78,12 +78,14 @@ class BuiltEnvironment:
 
 class Environments:
     """A least-recently-used cache of maps and samplers, for any thread; `builds` counts samplers built.
+    Where more samplers of a map are to be expected, what they have in common is kept with the map.
 
     Pixels of images are read on the calling thread, since Blender's data may be touched nowhere else."""
 
     def __init__(self):
         self.builds = 0
         self._maps: OrderedDict = OrderedDict()
+        self._statistics: dict = {}  # skytree_core.MapStatistics of maps in _maps
         self._figures: OrderedDict = OrderedDict()
         self._built: OrderedDict[tuple, Future] = OrderedDict()
         self._lock = threading.Lock()
@@ -96,9 +98,18 @@ class Environments:
         messages.extend(built.messages)
         return built
 
-    def request(self, environment: Environment, settings: SamplerSettings) -> Future:
-        """A future BuiltEnvironment: what is not there yet is built on a thread of its own."""
-        return self._future(environment, settings, _on_a_thread)
+    def request(
+        self,
+        environment: Environment,
+        settings: SamplerSettings,
+        *,
+        threads: int = 0,
+        more_to_come: bool = False,
+    ) -> Future:
+        """A future BuiltEnvironment: what is not there yet is built on a thread of its own and `threads` in
+        all, 0 for all cores. `more_to_come`: the next samplers of the map should be built sooner, which
+        costs memory (docs/viewport.md)."""
+        return self._future(environment, settings, _on_a_thread, threads, more_to_come)
 
     def figures(self, environment: Environment) -> MapFigures | None:
         """What the map is like; None before a sampler was built for it."""
@@ -114,10 +125,18 @@ class Environments:
             thread.join()
         with self._lock:
             self._maps.clear()
+            self._statistics.clear()
             self._figures.clear()
             self._built.clear()
 
-    def _future(self, environment: Environment, settings: SamplerSettings, run) -> Future:
+    def _future(
+        self,
+        environment: Environment,
+        settings: SamplerSettings,
+        run,
+        threads: int = 0,
+        more_to_come: bool = False,
+    ) -> Future:
         if environment.expression is None:
             settings = SamplerSettings("UNIFORM")
         key = (environment.expression, settings)
@@ -137,7 +156,12 @@ class Environments:
             except BaseException as error:
                 self._fail(key, future, error)
                 raise
-            run(lambda: self._build(key, future, image, environment.name, settings, messages))
+
+            def make():
+                statistics = self._statistics_of(environment.expression, image, more_to_come)
+                return make_sampler(image, settings, statistics, threads)
+
+            run(lambda: self._build(key, future, image, environment.name, settings, messages, make))
         return future
 
     def _map(self, environment: Environment) -> np.ndarray | None:
@@ -149,14 +173,28 @@ class Environments:
         pixels = environment.pixels()
         with self._lock:
             self._maps[environment.expression] = pixels
-            return _touch(self._maps, environment.expression, MAX_MAPS)
+            _touch(self._maps, environment.expression, MAX_MAPS)
+            for expression in set(self._statistics) - set(self._maps):
+                del self._statistics[expression]
+        return pixels
 
-    def _build(self, key, future: Future, image, name: str, settings: SamplerSettings, messages: Messages):
+    def _statistics_of(self, expression, image: np.ndarray | None, wanted: bool):
+        """skytree_core.MapStatistics of a map, if it is kept or should be from now on."""
+        if image is None:
+            return None
+        with self._lock:
+            if wanted and expression in self._maps and expression not in self._statistics:
+                self._statistics[expression] = native.core().MapStatistics(image)
+            return self._statistics.get(expression)
+
+    def _build(
+        self, key, future: Future, image, name: str, settings: SamplerSettings, messages: Messages, make
+    ):
         if image is None:
             settings = SamplerSettings("UNIFORM")
         start = time.perf_counter()
         try:
-            sampler = make_sampler(image, settings)
+            sampler = make()
         except BaseException as error:  # whoever waits for it gets it, on whichever thread
             self._fail(key, future, error)
             return
@@ -189,26 +227,29 @@ def _on_a_thread(build):
     thread.start()
 
 
-def make_sampler(image: np.ndarray | None, settings: SamplerSettings):
+def make_sampler(image: np.ndarray | None, settings: SamplerSettings, statistics=None, threads: int = 0):
+    """`statistics`: a skytree_core.MapStatistics of the image, or None. `threads` build, 0 for all cores."""
     core = native.core()
     if image is None or settings.sampler == "UNIFORM":
         return core.UniformSampler()
     if settings.sampler == "INVERSION":
-        return core.InversionSampler(image)
+        return core.InversionSampler(image, threads=threads)
     if settings.sampler == "ALIAS":
-        return core.AliasSampler(image)
+        return core.AliasSampler(image, threads=threads)
     if settings.sampler == "HIERARCHY":
-        return core.HierarchySampler(image)
+        return core.HierarchySampler(image, threads=threads)
     if settings.sampler == "FILTERED":
         return core.FilteredMap(image, settings.filter_samples)
+    source = image if statistics is None else statistics
     if settings.sampler == "MEDIAN_CUT":
-        return core.KdTreeSampler(image, settings.block_count, "MEDIAN_CUT", "EXACT")
+        return core.KdTreeSampler(source, settings.block_count, "MEDIAN_CUT", "EXACT", threads=threads)
     return core.KdTreeSampler(
-        image,
+        source,
         "AUTO" if settings.auto_blocks else settings.block_count,
         settings.split_criterion,
         settings.block_probability,
         compensation=settings.compensation,
+        threads=threads,
     )
 
 

@@ -34,7 +34,9 @@ class Capture:
         settings = view.request.settings
         self.session = native.core().RenderSession(settings.threads, settings.device)
         self._view = view
-        self._sampler = environments.request(view.scene_sync.environment, SamplerSettings())
+        self._sampler = environments.request(
+            view.scene_sync.environment, SamplerSettings(), threads=settings.threads
+        )
         self._started = False
 
     @property

@@ -56,7 +56,9 @@ class Renderer:
         """Begins to build the samplers. Reading the map's pixels belongs to the main thread, all else may be
         called on another one."""
         for method in methods:
-            self._built[method.sampler] = environments.request(self.sync.environment, method.sampler)
+            self._built[method.sampler] = environments.request(
+                self.sync.environment, method.sampler, threads=self.settings.threads
+            )
 
     def built(self, method: Method) -> BuiltEnvironment:
         if method.sampler not in self._built:

@@ -243,7 +243,9 @@ class CompareView:
             side.method = method
             side.sampler = None
             if method is not None:
-                side.sampler = environments.request(sync.environment, method.sampler)
+                side.sampler = environments.request(
+                    sync.environment, method.sampler, threads=self.request.settings.threads, more_to_come=True
+                )
         if not all(side.sampler is None or side.sampler.done() for side in self.sides.values()):
             return
         self.problem = ""

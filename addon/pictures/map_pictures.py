@@ -120,7 +120,7 @@ def _advance() -> bool:
         _redraw()
     key, environment, settings = _read()
     if _current is None or key != _current.key:
-        _building = key, environment, environments.request(environment, settings)
+        _building = key, environment, environments.request(environment, settings, more_to_come=True)
         return True
     if not np.array_equal(environment.world_to_env, _current.environment.world_to_env):
         _current = replace(_current, environment=environment)

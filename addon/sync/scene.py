@@ -11,6 +11,7 @@ from concurrent.futures import Future
 import numpy as np
 
 from .. import native
+from ..devices import render_threads
 from ..environments import BuiltEnvironment, SamplerSettings, environments
 from ..images import ImageStore, identity_of
 from ..messages import Messages
@@ -43,6 +44,7 @@ class SceneSync:
         self._environment_messages = Messages()
         self._wanted: tuple[Environment, SamplerSettings] | None = None
         self._awaited: tuple[Environment, Future] | None = None
+        self._threads = 0  # that build samplers; 0: all cores
         self.materials = MaterialSync(self._uploads, self.images, self.messages, self.counts)
         self.objects = ObjectSync(self._uploads, self.materials, self.messages, self.counts)
 
@@ -77,6 +79,7 @@ class SceneSync:
         found = Messages()
         environment = read_world(depsgraph.scene_eval.world, self.images, found)
         self._wanted = environment, SamplerSettings.of(depsgraph.scene_eval.skytree)
+        self._threads = render_threads(depsgraph.scene_eval.render)
         if self._wanted[1].sampler == "FILTERED":
             found.warn(
                 "The sampler is set to Filtered, which is biased: reflections and shadows are blurred, and "
@@ -93,7 +96,15 @@ class SceneSync:
             if self._awaited is None:
                 environment, settings = self._wanted
                 self._wanted = None
-                self._awaited = environment, environments.request(environment, settings)
+                self._awaited = (
+                    environment,
+                    environments.request(
+                        environment,
+                        settings,
+                        threads=self._threads,
+                        more_to_come=not self._wait_for_samplers,
+                    ),
+                )
             environment, built = self._awaited
             if not (self._wait_for_samplers or built.done()):
                 return True

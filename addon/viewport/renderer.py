@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import native, status
-from ..devices import render_device
+from ..devices import render_device, render_threads
 from ..environments import candidates_of
 from ..sync.scene import SceneSync
 from . import gpu_draw
@@ -63,7 +63,7 @@ class RenderSettings:
             settings.pixel_filter,
             settings.filter_width,
             render.film_transparent,
-            render.threads if render.threads_mode == "FIXED" else 0,
+            render_threads(render),
             render_device(settings),
             candidates_of(settings),
             settings.light_rays,

@@ -48,10 +48,10 @@ FloatArray look_up(const FilteredMap& map, const py::object& image, const py::ob
   return out;
 }
 
-std::shared_ptr<HierarchySampler> make_hierarchy(const py::object& image) {
+std::shared_ptr<HierarchySampler> make_hierarchy(const py::object& image, int threads) {
   const FloatArray array = require_image(image);
   py::gil_scoped_release release;
-  return std::make_shared<HierarchySampler>(image_view(array));
+  return std::make_shared<HierarchySampler>(image_view(array), threads);
 }
 
 py::array_t<double> coefficients(const py::object& image) {
@@ -92,8 +92,8 @@ void bind_related(py::module_& m) {
 Hierarchical sample warping down a pyramid of sums over texels (McCool and Harwood 1997; Clarberg et al. 2005), for
 comparison and teaching. Keeps stratification of (u[:, 1], u[:, 2]); 4/3 floats a texel; every level is visited.
 
-image: (H, W, 3) linear RGB. Weights as InversionSampler's. Raises ValueError for a bad image.)")
-      .def(py::init(&make_hierarchy), py::arg("image"))
+image: (H, W, 3) linear RGB. Weights as InversionSampler's. threads build, 0: all cores. Raises ValueError for a bad image.)")
+      .def(py::init(&make_hierarchy), py::arg("image"), py::kw_only(), py::arg("threads") = 0)
       .def_property_readonly("build_seconds", &HierarchySampler::build_seconds,
                              "Seconds that building the pyramid took.");
 

@@ -85,14 +85,28 @@ constexpr Choice<BlockDensity> kBlockDensities[] = {{"AUTO", BlockDensity::AUTO}
                                                     {"CONSTANT", BlockDensity::CONSTANT},
                                                     {"LINEAR", BlockDensity::LINEAR}};
 
-/// The sampler with the array that it was built from, for reconstruct(). A render thread may be the
-/// last to let go of it, so the array is given back under the GIL.
+/// An array that a render thread may be the last to let go of: it is given back under the GIL.
+std::shared_ptr<FloatArray> share(const FloatArray& array) {
+  return {new FloatArray(array), [](FloatArray* a) {
+            py::gil_scoped_acquire acquire;
+            delete a;
+          }};
+}
+
+/// What builds of one map share, with the array.
+struct SharedMap : MapStatistics {
+  explicit SharedMap(const FloatArray& array)
+      : MapStatistics(image_view(array)), image(share(array)) {}
+
+  std::shared_ptr<FloatArray> image;
+};
+
+/// The sampler with the array that it was built from, for reconstruct().
 struct KdTree : KdTreeSampler {
-  KdTree(const FloatArray& array, const KdTreeConfig& config)
-      : KdTreeSampler(image_view(array), config), image(new FloatArray(array), [](FloatArray* a) {
-          py::gil_scoped_acquire acquire;
-          delete a;
-        }) {}
+  KdTree(std::shared_ptr<FloatArray> array, const KdTreeConfig& config)
+      : KdTreeSampler(image_view(*array), config), image(std::move(array)) {}
+  KdTree(SharedMap& map, const KdTreeConfig& config)
+      : KdTreeSampler(map, config), image(map.image) {}
 
   std::shared_ptr<FloatArray> image;
 };
@@ -113,13 +127,19 @@ int parse_block_count(const py::object& value) {
   return (int)count;
 }
 
-std::shared_ptr<KdTree> make_kdtree(
-    const py::object& image, const py::object& block_count, const std::string& split_criterion,
-    const std::string& block_probability, const std::string& statistics,
-    std::optional<double> uniform_share, const std::string& alpha_objective,
-    const std::string& block_density, double compensation, const py::object& progress) {
-  const FloatArray array = require_image(image);
+std::shared_ptr<KdTree> make_kdtree(const py::object& image, const py::object& block_count,
+                                    const std::string& split_criterion,
+                                    const std::string& block_probability,
+                                    const std::string& statistics,
+                                    std::optional<double> uniform_share,
+                                    const std::string& alpha_objective,
+                                    const std::string& block_density, double compensation,
+                                    const py::object& progress, int threads) {
+  const auto shared = py::isinstance<SharedMap>(image) ? image.cast<std::shared_ptr<SharedMap>>()
+                                                       : std::shared_ptr<SharedMap>();
+  const auto array = shared ? shared->image : share(require_image(image));
   KdTreeConfig config;
+  config.threads = threads;
   config.block_count = parse_block_count(block_count);
   config.split_criterion = parse(split_criterion, "split_criterion", kSplitCriteria);
   config.block_probability = parse(block_probability, "block_probability", kBlockProbabilities);
@@ -136,7 +156,8 @@ std::shared_ptr<KdTree> make_kdtree(
     };
   }
   py::gil_scoped_release release;
-  return std::make_shared<KdTree>(array, config);
+  return shared ? std::make_shared<KdTree>(*shared, config)
+                : std::make_shared<KdTree>(array, config);
 }
 
 RankFit fit_ranks(const py::object& probabilities, const std::string& objective) {
@@ -235,21 +256,20 @@ FloatArray reconstruct(const KdTree& sampler) {
   return out;
 }
 
-template <typename Sampler>
-std::shared_ptr<Sampler> without_gil(const py::object& image) {
+std::shared_ptr<AliasSampler> make_alias(const py::object& image, int threads) {
   const FloatArray array = require_image(image);
   py::gil_scoped_release release;
-  return std::make_shared<Sampler>(image_view(array));
+  return std::make_shared<AliasSampler>(image_view(array), threads);
 }
 
-std::shared_ptr<InversionSampler> make_inversion(const py::object& image,
-                                                 const std::string& method) {
+std::shared_ptr<InversionSampler> make_inversion(const py::object& image, const std::string& method,
+                                                 int threads) {
   const FloatArray array = require_image(image);
   if (method != "guided" && method != "binary") {
     throw std::invalid_argument("method is \"" + method + "\"; it must be one of guided, binary");
   }
   py::gil_scoped_release release;
-  return std::make_shared<InversionSampler>(image_view(array), method == "guided");
+  return std::make_shared<InversionSampler>(image_view(array), method == "guided", threads);
 }
 
 }  // namespace
@@ -315,10 +335,34 @@ Returns a RankFit. Raises ValueError for bad probabilities.)");
       "(count,) float64: the model's probability of each rank (SCCG 2012, equation 2, "
       "integrated).");
 
+  py::class_<SharedMap, std::shared_ptr<SharedMap>>(m, "MapStatistics", R"(
+What kd-trees of one map have in common, for many of them one after the other: KdTreeSampler takes it in place of the image.
+
+Luminance and sums over the map are kept, and each criterion's tree as far as it was grown: a smaller block count takes part
+of it, a larger one lets it grow on. Samplers are those of the image, to the bit. Safe to share between threads; builds of one
+map wait for each other.
+
+image: (H, W, 3) linear RGB, row 0 at the top; a reference is kept, and its texels must not change. Raises ValueError for a
+bad image.)")
+      .def(py::init([](const py::object& image) {
+             return std::make_shared<SharedMap>(require_image(image));
+           }),
+           py::arg("image"))
+      .def_property_readonly(
+          "nbytes",
+          [](const SharedMap& map) {
+            py::gil_scoped_release release;
+            return map.nbytes();
+          },
+          "Bytes kept so far, the image left out: 4 a texel of luminance, about 2 for each of at "
+          "most\n"
+          "three kinds of sums (\"RADIANCE\", the same for linear density, \"PIXELS\"), and the "
+          "trees.");
+
   py::class_<KdTree, EnvironmentSampler, std::shared_ptr<KdTree>>(m, "KdTreeSampler", R"(
 Kd-tree importance sampling of a lat-long map (Ergun, Kurt and Ozturk, SCCG 2012).
 
-image: (H, W, 3) linear RGB, row 0 at the top, any size from 1x1; a reference is kept for reconstruct().
+image: (H, W, 3) linear RGB, row 0 at the top, any size from 1x1; a reference is kept for reconstruct(). Or a MapStatistics.
 block_count: 1 to 32768; fewer come out if no block with variation is left to split (a constant map stays one block).
     "AUTO" with linear density: as many, up to 4096, as bring the predicted variance of irradiance within 4 % of what 4096
     blocks give; otherwise 1024.
@@ -346,7 +390,7 @@ Raises ValueError for a bad image or setting. Texels that are NaN, infinite or n
            py::arg("split_criterion") = "SSE", py::arg("block_probability") = "FITTED",
            py::kw_only(), py::arg("statistics") = "RADIANCE", py::arg("uniform_share") = py::none(),
            py::arg("alpha_objective") = "LEAST_SQUARES", py::arg("block_density") = "AUTO",
-           py::arg("compensation") = 0.0, py::arg("progress") = py::none())
+           py::arg("compensation") = 0.0, py::arg("progress") = py::none(), py::arg("threads") = 0)
       .def_property_readonly(
           "alpha", [](const KdTree& s) { return s.fit().alpha; },
           "Parameter of the rank model, fitted to empirical (paper, equation 2).")
@@ -393,16 +437,18 @@ integral of radiance over each block). Reads the image that was given to the con
 Inversion of marginal and conditional distribution functions over texels.
 
 image: (H, W, 3) linear RGB. method: "guided" (the search starts from a table, Chen and Asau 1974) or "binary".
-Weights are solid angle times the mean of the interpolated luminance over a texel. Raises ValueError for a bad image.)")
-      .def(py::init(&make_inversion), py::arg("image"), py::kw_only(), py::arg("method") = "guided")
+Weights are solid angle times the mean of the interpolated luminance over a texel. threads build, 0: all cores.
+Raises ValueError for a bad image.)")
+      .def(py::init(&make_inversion), py::arg("image"), py::kw_only(), py::arg("method") = "guided",
+           py::arg("threads") = 0)
       .def_property_readonly("build_seconds", &InversionSampler::build_seconds,
                              "Seconds that building the tables took.");
 
   py::class_<AliasSampler, EnvironmentSampler, std::shared_ptr<AliasSampler>>(m, "AliasSampler", R"(
 Alias table over texels (Walker 1977, Vose 1991), with the weights of InversionSampler.
 
-image: (H, W, 3) linear RGB. Raises ValueError for a bad image.)")
-      .def(py::init(&without_gil<AliasSampler>), py::arg("image"))
+image: (H, W, 3) linear RGB. threads build, 0: all cores. Raises ValueError for a bad image.)")
+      .def(py::init(&make_alias), py::arg("image"), py::kw_only(), py::arg("threads") = 0)
       .def_property_readonly("build_seconds", &AliasSampler::build_seconds,
                              "Seconds that building the table took.");
 

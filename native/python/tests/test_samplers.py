@@ -329,6 +329,31 @@ def test_progress_is_called_and_cancels():
         sky.KdTreeSampler(image, progress=broken)
 
 
+def test_shared_statistics_give_the_same_samplers():
+    image = random_map(100, 200)
+    statistics = sky.MapStatistics(image)
+    assert statistics.nbytes == 0
+    for criterion, probability in (("MIN_VARIANCE", "MIN_VARIANCE"), ("SSE", "FITTED")):
+        for block_count in (300, 80, "AUTO"):
+            alone = sky.KdTreeSampler(image, block_count, criterion, probability, threads=1)
+            shared = sky.KdTreeSampler(statistics, block_count, criterion, probability, threads=3)
+            np.testing.assert_array_equal(shared.bounds, alone.bounds)
+            np.testing.assert_array_equal(shared.probabilities, alone.probabilities)
+            np.testing.assert_array_equal(shared.tilts, alone.tilts)
+            np.testing.assert_array_equal(shared.reconstruct(), alone.reconstruct())
+    assert statistics.nbytes > 4 * 100 * 200
+    with pytest.raises(ValueError, match="image has shape"):
+        sky.MapStatistics(image[..., :2])
+    with pytest.raises(ValueError, match="threads is -1"):
+        sky.KdTreeSampler(image, threads=-1)
+    for make in (sky.InversionSampler, sky.AliasSampler, sky.HierarchySampler):
+        u = np.random.default_rng(1).random((1000, 3))
+        for one, three in zip(
+            make(image, threads=1).sample(u), make(image, threads=3).sample(u), strict=True
+        ):
+            np.testing.assert_array_equal(one, three)
+
+
 def test_the_same_input_gives_the_same_tree_on_any_thread():
     image = random_map(100, 200)
     expected = sky.KdTreeSampler(image, 500, "MIN_VARIANCE", "MIN_VARIANCE")
