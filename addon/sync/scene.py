@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 
 import numpy as np
 
@@ -115,6 +115,11 @@ class SceneSync:
     @property
     def awaits_sampler(self) -> bool:
         return self._awaited is not None or self._wanted is not None
+
+    def wait_for_sampler(self, seconds: float):
+        """Gives the sampler that is awaited at most that long."""
+        if self._awaited is not None:
+            wait([self._awaited[1]], seconds)
 
     def _apply(self, environment: Environment, built: BuiltEnvironment):
         self.messages.extend(built.messages)

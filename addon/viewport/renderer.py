@@ -231,9 +231,13 @@ class ViewportRenderer:
         return True
 
     def wait_for_picture(self, seconds: float = LONGEST_WAIT_SECONDS):
-        """Waits for the first picture of the view if there is none yet."""
+        """Waits for the first picture of the view if there is none yet, and for the sampler before it."""
+        end = time.perf_counter() + seconds
+        if self._waiting_for_sampler():
+            self.sync.wait_for_sampler(seconds)
+            self.advance()
         if self.running and self._taken == 0:
-            self._session.wait(seconds)
+            self._session.wait(max(end - time.perf_counter(), 0.0))
         self.advance()
 
     def status_line(self) -> str:

@@ -153,6 +153,9 @@ def scenario_large_scene(w):
             w.figure(
                 f"{step}. {name} {value} ({kind}): processor time until then, ms", 1000 * (shown[1] - used)
             )
+            if kind == "built":
+                seconds = renderer.sync.built.build_seconds
+                w.figure(f"{step}. {name} {value} (built): the build alone, ms on the clock", 1000 * seconds)
             yield from w.until_still()
         calls.tell(w, "changing samplers: ")
         w.shot("large_scene")
