@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "cuda/device_sampler.h"
 
+#include "kernel/product_lobes.h"
+
 namespace skytree::cuda {
 namespace {
 
@@ -24,6 +26,12 @@ void for_each_table(EnvSamplerView* view, Visit visit) {
       visit(&tree.children, inner);
       visit(&tree.start_grid, size_t(kStartColumns) * kStartRows);
       visit(&tree.warp_grid, size_t(kWarpGrid) * kWarpGrid);
+      ProductView& products = tree.products;
+      visit(&products.cut.nodes, size_t(products.cut.count));
+      visit(&products.cut.splits, size_t(products.cut.count));
+      visit(&products.cut.node_of_block, blocks);
+      visit(&products.cuts, size_t(kTableCuts));
+      visit(&products.means, size_t(kTableCuts));
       return;
     }
     case EnvSamplerType::INVERSION_GUIDED:

@@ -74,12 +74,12 @@ bool Mirror::set(const ContextPointer& context, const void* data, size_t bytes) 
 }
 
 bool DeviceScene::update(const SceneParts& parts,
-                         const std::shared_ptr<const EnvironmentSampler>& sampler,
+                         const std::shared_ptr<const EnvironmentSampler>& sampler, bool products,
                          const float* filter_table, const std::atomic<bool>& cancel) {
   view_ = parts.view;
   if (!update_meshes(parts, cancel) || !update_instances(parts, cancel) ||
       !update_textures(parts, cancel) || !update_brdfs(parts, cancel) ||
-      !update_environment(parts, sampler, cancel)) {
+      !update_environment(parts, sampler, products, cancel)) {
     return false;
   }
   instance_materials_.set(context_, *parts.instance_materials);
@@ -197,7 +197,7 @@ bool DeviceScene::update_brdfs(const SceneParts& parts, const std::atomic<bool>&
 
 bool DeviceScene::update_environment(const SceneParts& parts,
                                      const std::shared_ptr<const EnvironmentSampler>& sampler,
-                                     const std::atomic<bool>& cancel) {
+                                     bool products, const std::atomic<bool>& cancel) {
   LatLongImage& image = view_.environment.image;
   if (parts.environment_texels) {
     const auto key = reinterpret_cast<uintptr_t>(parts.environment_texels.get());
@@ -222,14 +222,18 @@ bool DeviceScene::update_environment(const SceneParts& parts,
     view_.environment.sampler = EnvSamplerView();
     return true;
   }
-  if (!sampler_ || sampler_->source != sampler) sampler_.reset();
-  sampler_ =
-      context_->share<SharedSampler>(reinterpret_cast<uintptr_t>(sampler.get()), cancel, [&] {
-        auto shared = std::make_unique<SharedSampler>();
-        shared->tables = DeviceSampler(context_, sampler->view());
-        shared->source = sampler;
-        return shared;
-      });
+  if (!sampler_ || sampler_->source != sampler || sampler_->products != products) {
+    sampler_.reset();
+  }
+  // Addresses are even.
+  const auto key = reinterpret_cast<uintptr_t>(sampler.get()) + products;
+  sampler_ = context_->share<SharedSampler>(key, cancel, [&] {
+    auto shared = std::make_unique<SharedSampler>();
+    shared->tables = DeviceSampler(context_, products ? sampler->product_view() : sampler->view());
+    shared->source = sampler;
+    shared->products = products;
+    return shared;
+  });
   if (!sampler_) return false;
   view_.environment.sampler = sampler_->tables.view();
   return true;

@@ -30,6 +30,7 @@ struct DeviceTexels {
 struct SharedSampler {
   DeviceSampler tables;
   std::shared_ptr<const EnvironmentSampler> source;
+  bool products;  // whether the tables of product sampling are there
 };
 
 /// A tabulated BRDF's arrays, and its view with their addresses.
@@ -65,7 +66,7 @@ class DeviceScene {
   /// Sends what changed since the last call and builds trees for new meshes; false when cancelled.
   /// Throws Error. Not while a kernel reads the scene.
   bool update(const SceneParts& parts, const std::shared_ptr<const EnvironmentSampler>& sampler,
-              const float* filter_table, const std::atomic<bool>& cancel);
+              bool products, const float* filter_table, const std::atomic<bool>& cancel);
 
   const SceneView& view() const { return view_; }
   const TracerView& tracer() const { return tracer_; }
@@ -77,7 +78,7 @@ class DeviceScene {
   bool update_textures(const SceneParts& parts, const std::atomic<bool>& cancel);
   bool update_brdfs(const SceneParts& parts, const std::atomic<bool>& cancel);
   bool update_environment(const SceneParts& parts,
-                          const std::shared_ptr<const EnvironmentSampler>& sampler,
+                          const std::shared_ptr<const EnvironmentSampler>& sampler, bool products,
                           const std::atomic<bool>& cancel);
 
   ContextPointer context_;

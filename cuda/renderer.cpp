@@ -126,7 +126,9 @@ TileControls GpuState::pilot(const DeviceJob& job, const RenderSettings& setting
 
 void GpuState::render(const DeviceJob& job, const std::atomic<bool>& cancel,
                       const DeviceRenderer::Deliver& deliver) {
-  if (!scene_.update(job.scene, job.sampler, job.settings.filter_table, cancel)) return;
+  if (!scene_.update(job.scene, job.sampler, job.product_sampling, job.settings.filter_table,
+                     cancel))
+    return;
   const size_t pixels = size_t(job.width) * job.height;
   reserve_film(pixels);
   clear(*context_, film_, compute_);

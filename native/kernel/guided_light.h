@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light samples of a surface point: the environment's sampler, its random numbers sent through what
-// has been learnt of visibility there (visibility_guide.h).
+// has been learnt of visibility there (visibility_guide.h), or else through the cuts that direct
+// them to what its lobes reflect (product_cut.h).
 #pragma once
 
 #include "kernel/env_sampler.h"
@@ -47,12 +48,21 @@ constexpr uint32_t kNoGuideSlot = ~0u;
 /// Region of a sample of which nothing is to be recorded.
 constexpr int32_t kNoGuideRegion = -1;
 
+/// Whether what has been learnt steers the samples of a place with this slot.
+SKY_HD bool is_guided(const GuideView& guide, uint32_t slot) {
+  return slot != kNoGuideSlot && guide.used[slot];
+}
+
 /// Where a light sample of a place with this slot starts from in the warp's unit square: at u, or
-/// where the guide sends it.
-SKY_HD GuidedPoint guide_point(const GuideView& guide, uint32_t slot, Vec2 u) {
-  if (slot == kNoGuideSlot) return {u, 1.0f, kNoGuideRegion};
-  if (!guide.used[slot]) {
-    return {u, 1.0f, guide.counters ? guide_region(guide, u) : kNoGuideRegion};
+/// where the guide or, without it, the mixture sends it.
+SKY_HD GuidedPoint guide_point(const EnvSamplerView& sampler, const GuideView& guide, uint32_t slot,
+                               const ProductMix& mix, Vec2 u) {
+  if (!is_guided(guide, slot)) {
+    ProductPoint product = {u, 1.0f};
+    if (mix.count > 0) product = product_warp(sampler.kdtree.products, mix, u);
+    const bool recorded = slot != kNoGuideSlot && guide.counters;
+    return {product.point, product.ratio,
+            recorded ? guide_region(guide, product.point) : kNoGuideRegion};
   }
   GuidedPoint guided = guide_warp(guide, slot, u);
   if (!guide.counters) guided.region = kNoGuideRegion;
@@ -64,26 +74,39 @@ struct GuidedSample {
   int32_t region;
 };
 
-/// sample_environment from a place with this slot.
+/// sample_environment from a place with this slot and mixture.
 SKY_HD GuidedSample sample_guided(const EnvSamplerView& sampler, const GuideView& guide,
-                                  uint32_t slot, Vec3 u) {
-  const GuidedPoint guided = guide_point(guide, slot, {u.y, u.z});
+                                  uint32_t slot, const ProductMix& mix, Vec3 u) {
+  const GuidedPoint guided = guide_point(sampler, guide, slot, mix, {u.y, u.z});
   DirectionSample light = sample_environment(sampler, {u.x, guided.point.x, guided.point.y});
   light.pdf *= guided.density;
   return {light, guided.region};
 }
 
-/// Factor that the guide puts on environment_pdf at a direction that something else has chosen.
+/// Factor that guide or mixture put on environment_pdf at a direction that something else has
+/// chosen; `block` of the tree that it lies in, if there is a mixture.
 SKY_HD float guide_factor(const EnvSamplerView& sampler, const GuideView& guide, uint32_t slot,
-                          Vec3 direction) {
-  if (slot == kNoGuideSlot || !guide.used[slot]) return 1.0f;
+                          const ProductMix& mix, int32_t block, Vec3 direction) {
+  if (!is_guided(guide, slot)) {
+    if (mix.count == 0) return 1.0f;
+    const ProductView& products = sampler.kdtree.products;
+    return product_ratio(products, mix, products.cut.node_of_block[block]);
+  }
   return guide_density(guide, slot, warp_point(sampler, direction));
 }
 
 /// Density of sample_guided at a direction that something else has chosen.
 SKY_HD float guided_pdf(const EnvSamplerView& sampler, const GuideView& guide, uint32_t slot,
-                        Vec3 direction) {
-  return environment_pdf(sampler, direction) * guide_factor(sampler, guide, slot, direction);
+                        const ProductMix& mix, Vec3 direction) {
+  const KdTreeView& tree = sampler.kdtree;
+  if (mix.count == 0) {
+    return environment_pdf(sampler, direction) *
+           guide_factor(sampler, guide, slot, mix, 0, direction);
+  }
+  const float u = cell_azimuth(direction, tree.cell_width);
+  const int32_t block = locate_block(tree, u, direction);
+  return linear_block_pdf(tree.linear_blocks[block], tree.cell_width, u, direction) *
+         guide_factor(sampler, guide, slot, mix, block, direction);
 }
 
 }  // namespace skytree

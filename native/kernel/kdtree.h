@@ -14,6 +14,7 @@
 
 #include "kernel/latlong.h"
 #include "kernel/linear_blocks.h"
+#include "kernel/product_cut.h"
 #include "kernel/rank_model.h"
 
 namespace skytree {
@@ -43,7 +44,8 @@ struct KdTreeView {
       start_grid;  // kStartColumns x kStartRows over (u, cos theta): where to start locating
   const uint16_t* warp_grid;  // kWarpGrid^2 over (u.y, u.z): where to start sampling; null: by rank
   RankModel ranks;
-  float cell_width;  // in turns, of linear blocks
+  ProductView products;  // of linear blocks, where they were asked for
+  float cell_width;      // in turns, of linear blocks
   int32_t inner_count;
 };
 

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sampling the map times a lobe: the upper part of the kd-tree, cut off at a hundred nodes or so,
-// gets new probabilities for one surface point (or one pixel), those of the nodes times the lobe at
-// their mean directions; below the cut the tree stays as it is. So the density is that of the tree
-// times a factor for each node of the cut, known for any direction. The idea of a cut is that of P.
-// Clarberg et al., "Wavelet Importance Sampling", SIGGRAPH 2005, and of B. Walter et al.,
-// "Lightcuts", SIGGRAPH 2005.
+// gets new probabilities, those of the nodes times the lobe at their mean directions; below the cut
+// the tree stays as it is. So the density is that of the tree times a factor for each node of the
+// cut, known for any direction. The idea of a cut is that of P. Clarberg et al., "Wavelet
+// Importance Sampling", SIGGRAPH 2005, and of B. Walter et al., "Lightcuts", SIGGRAPH 2005.
+//
+// No probability is computed at a surface: a table has the cuts of some widths of lobe about many
+// directions of the map, and a surface mixes those that are most like its own lobes
+// (product_lobes.h). A mixture is drawn from split by split, not by choosing one of its cuts, so it
+// is as monotone as the tree and keeps the stratification of its random numbers.
 #pragma once
 
-#include "kernel/bsdf.h"
-#include "kernel/env_sampler.h"
+#include "kernel/math.h"
+#include "kernel/vec.h"
 
 namespace skytree {
 
@@ -36,30 +40,33 @@ struct CutView {
   int32_t count;                 // 1 to kLargestCut
 };
 
-/// The cut for one surface point.
+/// The cut for one lobe.
 struct ProductCut {
   float ratio[kLargestCut];     // of each node's probability to that in the tree
   float fraction[kLargestCut];  // of each split's probability that is its first child's
 };
 
-/// Share of the samples that the lobe does not direct: the cut's lobes are rough, and a node's mean
-/// direction may lie below the horizon while parts of it do not.
+struct ProductView {
+  CutView cut;
+  const ProductCut* cuts;  // kTableCuts (product_lobes.h); null: the tree alone is sampled
+  const float* means;      // of each cut's lobe, per steradian, over the tree's samples
+};
+
+constexpr int kMixedCuts = 4;
+
+/// A mixture of cuts; without any the tree alone is meant.
+struct ProductMix {
+  int32_t count;
+  int32_t cut[kMixedCuts];
+  float weight[kMixedCuts];  // sum to 1
+};
+
+/// Share of the samples that a lobe does not direct: cuts are rough, and a node's mean direction
+/// may lie below the horizon while parts of it do not.
 constexpr float kUndirected = 0.1f;
 
-/// How much of what the lobe sees a node is worth: the lobe, widened by the node's spread, at its
-/// mean direction (map's frame to world by `world_to_env`).
-SKY_HD float cut_importance(const CutNode& node, const Mat3& world_to_env, const Lobe& lobe,
-                            Vec3 wo) {
-  Lobe widened = lobe;
-  // Half vectors turn half as far as directions.
-  const float variance = 0.25f * node.spread;
-  widened.alpha_x = minf(sqrtf(lobe.alpha_x * lobe.alpha_x + variance), 1.0f);
-  widened.alpha_y = minf(sqrtf(lobe.alpha_y * lobe.alpha_y + variance), 1.0f);
-  return luminance(eval_lobe(widened, wo, transpose_mul(world_to_env, node.direction)).f);
-}
-
-/// `importance[i]` for each node of the cut, at least 0.
-SKY_HD void make_product_cut(const CutView& cut, const float* importance, ProductCut* product) {
+/// `importance[i]` for each node of the cut, at least 0; returns its mean over the tree's samples.
+SKY_HD float make_product_cut(const CutView& cut, const float* importance, ProductCut* product) {
   float mean = 0.0f;
   for (int32_t i = 0; i < cut.count; ++i) mean += cut.nodes[i].probability * importance[i];
   const bool directed = mean > 0.0f && mean < INFINITY;
@@ -77,42 +84,54 @@ SKY_HD void make_product_cut(const CutView& cut, const float* importance, Produc
     sums[s] = parts[0] + parts[1];
     product->fraction[s] = parts[0] / sums[s];
   }
+  return directed ? mean : 0.0f;
 }
 
-SKY_HD float product_pdf(const KdTreeView& tree, const CutView& cut, const ProductCut& product,
-                         Vec3 direction) {
-  const float u = cell_azimuth(direction, tree.cell_width);
-  const int32_t block = locate_block(tree, u, direction);
-  return linear_block_pdf(tree.linear_blocks[block], tree.cell_width, u, direction) *
-         product.ratio[cut.node_of_block[block]];
+/// Density below a node of the cut to that of the tree alone.
+SKY_HD_RARE float product_ratio(const ProductView& products, const ProductMix& mix, int32_t node) {
+  float ratio = 0.0f;
+  for (int k = 0; k < mix.count; ++k) {
+    ratio += mix.weight[k] * products.cuts[mix.cut[k]].ratio[node];
+  }
+  return ratio;
 }
 
-/// u in [0,1)^2. The warp is monotone above and below the cut, so neighbours stay neighbours.
-SKY_HD DirectionSample sample_product(const KdTreeView& tree, const CutView& cut,
-                                      const ProductCut& product, Vec2 u) {
+/// A point of the tree's unit square, and product_ratio of the node that it lies in.
+struct ProductPoint {
+  Vec2 point;
+  float ratio;
+};
+
+/// Where u lands. Monotone, so neighbours stay neighbours.
+SKY_HD_RARE ProductPoint product_warp(const ProductView& products, const ProductMix& mix, Vec2 u) {
+  const CutView& cut = products.cut;
+  float reach[kMixedCuts];  // each cut's part of the probability of the node
+  for (int k = 0; k < mix.count; ++k) reach[k] = mix.weight[k];
   int32_t node = cut.count > 1 ? 0 : ~0;
   while (node >= 0) {
     const CutSplit split = cut.splits[node];
-    const float fraction = product.fraction[node];
+    float first = 0.0f, both = 0.0f;
+    for (int k = 0; k < mix.count; ++k) {
+      first += reach[k] * products.cuts[mix.cut[k]].fraction[node];
+      both += reach[k];
+    }
+    const float fraction = first / both;
     float* x = split.axis == 0 ? &u.x : &u.y;
     const bool second = *x >= fraction;
     *x = second ? (*x - fraction) / (1.0f - fraction) : *x / fraction;
+    for (int k = 0; k < mix.count; ++k) {
+      const float part = products.cuts[mix.cut[k]].fraction[node];
+      reach[k] *= second ? 1.0f - part : part;
+    }
     node = second ? split.second : split.first;
   }
-  const CutNode& chosen = cut.nodes[~node];
-  // Rounding must not carry a number over the node's border in the warp.
-  const Vec2 low = chosen.warp_low, extent = chosen.warp_extent;
-  const float r = low.x + extent.x * minf(u.x, 1.0f - 1e-6f);
-  const float s = low.y + extent.y * minf(u.y, 1.0f - 1e-6f);
-  const float r_end = (low.x + extent.x) * kOneMinusEpsilon;
-  const float s_end = (low.y + extent.y) * kOneMinusEpsilon;
-  const int32_t index = choose_block_by_warp(tree, minf(r, r_end), minf(s, s_end));
-  const LinearBlock& block = tree.linear_blocks[index];
-  const Vec3 direction =
-      sample_linear_block(block, tree.cell_width, minf(r, r_end), minf(s, s_end));
-  return {direction, linear_block_pdf(block, tree.cell_width,
-                                      cell_azimuth(direction, tree.cell_width), direction) *
-                         product.ratio[cut.node_of_block[index]]};
+  // Rounding must not carry a number over the node's border.
+  const Vec2 low = cut.nodes[~node].warp_low, extent = cut.nodes[~node].warp_extent;
+  const float x = low.x + extent.x * minf(u.x, 1.0f - 1e-6f);
+  const float y = low.y + extent.y * minf(u.y, 1.0f - 1e-6f);
+  return {{minf(x, (low.x + extent.x) * kOneMinusEpsilon),
+           minf(y, (low.y + extent.y) * kOneMinusEpsilon)},
+          product_ratio(products, mix, ~node)};
 }
 
 }  // namespace skytree

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "kernel/estimators.h"
+#include "kernel/product_lobes.h"
 #include "kernel/resampling.h"
 
 namespace skytree {
@@ -60,6 +61,17 @@ SKY_HD uint32_t vertex_guide_slot(const SceneView& scene, const Surface& surface
   return kLearnsVisibility && scene.guide.nodes
              ? guide_slot(scene.guide, surface.position, surface.geometric_normal)
              : kNoGuideSlot;
+}
+
+/// What directs the light samples of vertex `bounce`.
+SKY_HD ProductMix vertex_products(const SceneView& scene, const Shading& shading, Vec3 view,
+                                  int bounce, uint32_t slot) {
+  const EnvironmentView& environment = scene.environment;
+  if (bounce > 0 || environment.sampler.type != EnvSamplerType::KDTREE_LINEAR ||
+      !environment.sampler.kdtree.products.cuts || is_guided(scene.guide, slot)) {
+    return {};
+  }
+  return mix_products(environment.sampler.kdtree.products, environment.world_to_env, shading, view);
 }
 
 /// The record of a light sample whose ray is still to be traced; one below the surface is counted
@@ -172,9 +184,9 @@ SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, P
 /// The light samples of a vertex: connections, and their part of the control variate into the
 /// path's radiance. Returns the number of connections.
 SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings, int vertex,
-                         uint32_t slot, int light_rays, float control, float choice,
-                         const Surface& surface, const Shading& shading, PathState* path,
-                         Connection* connections) {
+                         uint32_t slot, const ProductMix& mix, int light_rays, float control,
+                         float choice, const Surface& surface, const Shading& shading,
+                         PathState* path, Connection* connections) {
   const EnvironmentView& environment = scene.environment;
   if (settings.candidates > 0) {
     const VertexRandom random = vertex_random(*path, vertex);
@@ -198,7 +210,7 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
   for (int i = 0; i < light_rays; ++i) {
     const Vec2 u = random_pair(path->seed, light_index(path->sample, light_rays, i),
                                first_pair(vertex) + kPairLight);
-    const GuidedSample guided = sample_guided(environment.sampler, scene.guide, slot,
+    const GuidedSample guided = sample_guided(environment.sampler, scene.guide, slot, mix,
                                               {light_choice(choice, light_rays, i), u.x, u.y});
     const DirectionSample light = guided.light;
     if (!(light.pdf > 0.0f)) continue;
@@ -267,12 +279,14 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   const float control = light_rays > 0 && path->bounce == 0 ? path->control : 0.0f;
   const Vec2 choices = random_pair(path->seed, path->sample, first_pair(vertex) + kPairChoice);
   const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
+  ProductMix mix = {};
   if (light_rays > 0) {
+    if (settings.candidates == 0) mix = vertex_products(scene, shading, view, path->bounce, slot);
     if (control > 0.0f) {
       path->radiance += path->throughput * control_integral(environment, shading) * control;
     }
-    *connection_count = sample_lights(scene, settings, vertex, slot, light_rays, control, choices.x,
-                                      surface, shading, path, connections);
+    *connection_count = sample_lights(scene, settings, vertex, slot, mix, light_rays, control,
+                                      choices.x, surface, shading, path, connections);
   }
 
   float choice = choices.y;
@@ -303,7 +317,7 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   Vec3 sky = {0, 0, 0};
   Vec2 map = no_map_coordinates();
   if (settings.bsdf_sampling) {
-    const float light_pdf = light_rays > 0 ? guided_pdf(environment.sampler, scene.guide, slot,
+    const float light_pdf = light_rays > 0 ? guided_pdf(environment.sampler, scene.guide, slot, mix,
                                                         environment.world_to_env * direction)
                                            : 0.0f;
     const float density = mixture_density(light_rays, light_pdf, 1.0f, bsdf.pdf);

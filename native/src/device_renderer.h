@@ -18,7 +18,7 @@ struct DeviceJob {
   RenderSettings settings;                            // filter_table on the host
   int x0, y0, width, height;                          // region, pixels
   int first_sample, samples;
-  bool control_variate;
+  bool control_variate, product_sampling;
 };
 
 class DeviceRenderer {

@@ -16,6 +16,9 @@ class EnvironmentSampler {
 
   /// Valid as long as this object lives.
   virtual EnvSamplerView view() const = 0;
+  /// The same with tables for product sampling, where the kind of sampler has them. Made at the
+  /// first call, in some milliseconds; threads may call at once.
+  virtual EnvSamplerView product_view() const { return view(); }
   /// Bytes that sampling and pdf read at run time; the image is not among them.
   virtual size_t nbytes() const = 0;
   /// Texels of the source that were left out of the statistics.

@@ -307,6 +307,16 @@ EnvSamplerView KdTreeSampler::view() const {
   return view;
 }
 
+EnvSamplerView KdTreeSampler::product_view() const {
+  EnvSamplerView with = view();
+  if (is_linear()) {
+    std::call_once(products_made_,
+                   [&] { products_ = std::make_unique<const ProductTable>(cut_.view()); });
+    with.kdtree.products = {cut_.view(), products_->cuts.data(), products_->means.data()};
+  }
+  return with;
+}
+
 size_t KdTreeSampler::nbytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
   return bytes(warps_) + bytes(pdf_) + bytes(warp_origins_) + bytes(linear_blocks_) +

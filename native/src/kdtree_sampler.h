@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -8,6 +10,7 @@
 #include "src/environment_sampler.h"
 #include "src/kdtree_layout.h"
 #include "src/map_statistics.h"
+#include "src/product_table.h"
 #include "src/rank_fit.h"
 
 namespace skytree {
@@ -61,6 +64,7 @@ class KdTreeSampler : public EnvironmentSampler {
   explicit KdTreeSampler(MapStatistics& map, const KdTreeConfig& config = {});
 
   EnvSamplerView view() const override;
+  EnvSamplerView product_view() const override;
   size_t nbytes() const override;
 
   int block_count() const { return (int)rects_.size(); }
@@ -114,7 +118,10 @@ class KdTreeSampler : public EnvironmentSampler {
   std::vector<LinearBlock> linear_blocks_;
   KdTreeLayout layout_;
   WarpLayout warp_layout_;
-  CutTables cut_;  // not among nbytes(), as sample() and pdf() do not read it
+  // For product sampling, not among nbytes(), as sample() and pdf() do not read them.
+  CutTables cut_;
+  mutable std::once_flag products_made_;
+  mutable std::unique_ptr<const ProductTable> products_;
 };
 
 }  // namespace skytree

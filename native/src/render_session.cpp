@@ -313,7 +313,11 @@ void RenderSession::lead() {
   job_.occluded16 = embree().Occluded16;
   job_.width = options_.width;
   job_.height = options_.height;
-  if (options_.sampler) job_.scene.environment.sampler = options_.sampler->view();
+  if (const EnvironmentSampler* sampler =
+          options_.sampler ? options_.sampler.get() : scene_->sampler()) {
+    job_.scene.environment.sampler =
+        options_.product_sampling ? sampler->product_view() : sampler->view();
+  }
   controls_.assign(size_t(tiles_x_) * tiles_y_, 0.0f);
   job_.settings.controls = {controls_.data(), first_tile_x_, first_tile_y_, tiles_x_};
   start_learning();
@@ -334,6 +338,7 @@ bool RenderSession::render_on_device() {
   job.first_sample = options_.first_sample;
   job.samples = options_.samples;
   job.control_variate = uses_control_variate();
+  job.product_sampling = options_.product_sampling;
   std::string failure;
   try {
     device_->render(

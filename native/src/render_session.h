@@ -44,6 +44,9 @@ struct RenderOptions {
   /// Diffuse light by its difference from the unshadowed map's, tile by tile as far as that helps;
   /// needs light_sampling, without it this does nothing.
   bool control_variate = false;
+  /// Light samples of glossy surfaces from the map times their lobes, at a path's first vertex;
+  /// samplers with linear blocks, no candidates.
+  bool product_sampling = false;
   std::shared_ptr<const EnvironmentSampler> sampler;  // null: the scene's own
 };
 

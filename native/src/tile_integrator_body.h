@@ -96,9 +96,13 @@ static int shade_batch(const IntegratorJob& job, uint32_t sample, int vertex, in
         is_simple(shading, &diffuse, &glossy)) {
       path.radiance += path.throughput * shading.emission;
       const int light_rays = light_ray_count(job.settings, path.bounce, shading);
+      const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
+      ProductMix products = {};
+      if (glossy && light_rays > 0) {
+        products = vertex_products(scene, shading, view, path.bounce, slot);
+      }
       append_lane(surface, shading, path, index, light_rays,
-                  looks_ahead(scene, path.bounce, path.control),
-                  light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot,
+                  looks_ahead(scene, path.bounce, path.control), slot, products,
                   glossy ? &batch->glossy : &batch->diffuse);
       continue;
     }

@@ -19,6 +19,7 @@ struct Lanes {
   uint32_t seed[kBatch];
   int light_rays[kBatch];
   uint32_t guide_slot[kBatch];
+  ProductMix products[kBatch];
   float control[kBatch];
   int ahead[kBatch];  // whether radiance is looked up before the rays are traced
   Vectors<kBatch> position, geometric_normal, view, throughput;
@@ -71,12 +72,13 @@ static bool is_simple(const Shading& shading, int* diffuse, int* glossy) {
 
 static void append_lane(const Surface& surface, const Shading& shading, const PathState& path,
                         int path_index, int light_rays, bool ahead, uint32_t guide_slot,
-                        Lanes* lanes) {
+                        const ProductMix& products, Lanes* lanes) {
   const int i = lanes->count++;
   lanes->path[i] = path_index;
   lanes->seed[i] = path.seed;
   lanes->light_rays[i] = light_rays;
   lanes->guide_slot[i] = guide_slot;
+  lanes->products[i] = products;
   lanes->ahead[i] = ahead;
   lanes->position.set(i, surface.position);
   lanes->position_error[i] = surface.position_error;
@@ -268,7 +270,8 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   for (int i = 0; i < lanes.count; ++i) {
     work->light_choice[i] = light_choice(work->choice_x[i], lanes.light_rays[i], k);
     const GuidedPoint guided =
-        guide_point(scene.guide, lanes.guide_slot[i], {work->random_x[i], work->random_y[i]});
+        guide_point(environment.sampler, scene.guide, lanes.guide_slot[i], lanes.products[i],
+                    {work->random_x[i], work->random_y[i]});
     work->random_x[i] = guided.point.x;
     work->random_y[i] = guided.point.y;
     work->guide_factor[i] = guided.density;
@@ -358,10 +361,11 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     locate(count, &lights);
     if (most > 0) environment_pdf_lanes(environment.sampler, count, &work->sampling, &lights);
     for (int i = 0; i < count; ++i) {
-      lights.pdf[i] = most == 0
-                          ? 0.0f
-                          : lights.pdf[i] * guide_factor(environment.sampler, scene.guide,
-                                                         lanes.guide_slot[i], lights.local.get(i));
+      lights.pdf[i] =
+          most == 0 ? 0.0f
+                    : lights.pdf[i] * guide_factor(environment.sampler, scene.guide,
+                                                   lanes.guide_slot[i], lanes.products[i],
+                                                   work->sampling.block[i], lights.local.get(i));
     }
     if (environment.sampler.type == EnvSamplerType::FILTERED) {
       for (int i = 0; i < count; ++i) {

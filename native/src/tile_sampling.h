@@ -55,6 +55,7 @@ struct LaneSampling {
   LaneBlocks blocks;
   float u[kBatch];  // azimuth in the frame of the tree's cells
   int32_t azimuth[kBatch], elevation[kBatch], start[kBatch];
+  int32_t block[kBatch];  // of linear density, that a direction lies in
 };
 
 /// Map coordinates of all directions.
@@ -139,6 +140,7 @@ static void environment_pdf_lanes(const EnvSamplerView& sampler, int count, Lane
     for (int i = 0; i < count; ++i) {
       const int32_t block =
           locate_from(tree, tree.start_grid[work->start[i]], work->azimuth[i], work->elevation[i]);
+      work->block[i] = block;
       work->blocks.set(i, tree.linear_blocks[block]);
     }
     find_densities(tree.cell_width, count, *work, lights);

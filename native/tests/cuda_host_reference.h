@@ -47,7 +47,10 @@ inline std::vector<float> render_on_host(Scene* scene, const RenderOptions& opti
   const HostTrees trees(parts);
   const std::vector<float> filter = make_filter_table(options.pixel_filter, options.filter_width);
   SceneView view = parts.view;
-  if (options.sampler) view.environment.sampler = options.sampler->view();
+  if (const EnvironmentSampler* sampler =
+          options.sampler ? options.sampler.get() : scene->sampler()) {
+    view.environment.sampler = options.product_sampling ? sampler->product_view() : sampler->view();
+  }
   RenderSettings settings = make_render_settings(options, filter.data());
   std::vector<float> controls;
   const int columns = (options.width + kTileSize - 1) / kTileSize;

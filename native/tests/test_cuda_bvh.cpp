@@ -180,7 +180,7 @@ TEST_P(CudaBvh, OnTheDeviceIsTheHostsToTheLastBit) {
   const Stream stream(context);
   DeviceScene device(context);
   const std::vector<float> filter(kFilterTableSize);
-  ASSERT_TRUE(device.update(parts, nullptr, filter.data(), cancel));
+  ASSERT_TRUE(device.update(parts, nullptr, false, filter.data(), cancel));
   const Buffer device_rays(context, rays.data(), rays.size() * sizeof(Ray));
   const Buffer device_hits(context, rays.size() * sizeof(Hit));
   launch(*context, stream, "trace_rays", unsigned(rays.size() / kThreads), kThreads,

@@ -91,6 +91,7 @@ TEST_F(CudaTest, ImagesAreTheHostKernelsToTheLastBit) {
       SCOPED_TRACE(name + ", " + std::to_string(bounces) + " bounces");
       RenderOptions options = small_options();
       options.max_bounces = bounces;
+      options.product_sampling = bounces == 0;
       options.sampler = sampler;
       const std::vector<float> host = render_on_host(scene.get(), options);
       EXPECT_EQ(different_pixels(render_on_gpu(scene, options).pixels, host), 0u);
@@ -99,8 +100,9 @@ TEST_F(CudaTest, ImagesAreTheHostKernelsToTheLastBit) {
 }
 
 TEST_F(CudaTest, OptionsReachTheDevice) {
-  const std::shared_ptr<Scene> scene = material_scene(make_sky(64, 32, nullptr));
-  std::vector<RenderOptions> variants(8, small_options());
+  const EnvironmentInput sky = make_sky(64, 32, nullptr);
+  const std::shared_ptr<Scene> scene = material_scene(sky);
+  std::vector<RenderOptions> variants(9, small_options());
   variants[0].film_transparent = true;
   variants[1].bsdf_sampling = false;
   variants[2].light_sampling = false;
@@ -112,6 +114,8 @@ TEST_F(CudaTest, OptionsReachTheDevice) {
   variants[6].candidates = 6;
   variants[7].light_rays = 3;
   variants[7].control_variate = true;
+  variants[8].product_sampling = true;
+  variants[8].sampler = make_samplers(sky)[1].second;  // linear blocks
   for (const RenderOptions& options : variants) {
     EXPECT_EQ(different_pixels(render_on_gpu(scene, options).pixels,
                                render_on_host(scene.get(), options)),
@@ -132,6 +136,7 @@ TEST_F(CudaTest, ImagesAgreeWithTheCpu) {
       options.max_bounces = crowded ? 1 : 3;
       options.light_rays = crowded ? 1 : 2;
       options.control_variate = !crowded;
+      options.product_sampling = !crowded;
       options.sampler = sampler;
       const Rendered gpu = render_on_gpu(scene, options);
       RenderSession cpu_session(2);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "kernel/guided_light.h"
 #include "src/kdtree_sampler.h"
 #include "tests/synthetic_maps.h"
 
@@ -38,26 +39,33 @@ Lobe make_lobe(LobeType type, float alpha_x, float alpha_y) {
 
 const Vec3 kView = normalize({-0.5f, 0.4f, 0.6f});
 
-ProductCut product_of(const CutView& cut, const Lobe& lobe) {
-  float importance[kLargestCut];
-  for (int i = 0; i < cut.count; ++i) {
-    importance[i] = cut_importance(cut.nodes[i], identity3(), lobe, kView);
-  }
-  ProductCut product;
-  make_product_cut(cut, importance, &product);
-  return product;
+/// The mixture for one lobe, and half a diffuse one with it if asked for.
+ProductMix mix_of(const KdTreeSampler& sampler, Lobe lobe, bool diffuse) {
+  Shading shading = {};
+  shading.count = diffuse ? 2 : 1;
+  lobe.select = diffuse ? 0.5f : 1.0f;
+  shading.lobes[0] = lobe;
+  shading.lobes[1] = make_lobe(LobeType::kDiffuse, 0, 0);
+  shading.lobes[1].select = 0.5f;
+  return mix_products(sampler.product_view().kdtree.products, identity3(), shading, kView);
 }
 
 struct NamedLobe {
   const char* name;
   Lobe lobe;
+  bool diffuse;
 };
 
 std::vector<NamedLobe> lobes() {
-  return {{"GGX 0.2", make_lobe(LobeType::kGlossy, 0.04f, 0.04f)},
-          {"GGX 0.5", make_lobe(LobeType::kGlossy, 0.25f, 0.25f)},
-          {"anisotropic GGX", make_lobe(LobeType::kGlossy, 0.05f, 0.4f)},
-          {"Ward", make_lobe(LobeType::kWard, 0.1f, 0.3f)}};
+  return {{"GGX 0.2", make_lobe(LobeType::kGlossy, 0.04f, 0.04f), false},
+          {"GGX 0.5", make_lobe(LobeType::kGlossy, 0.25f, 0.25f), false},
+          {"anisotropic GGX", make_lobe(LobeType::kGlossy, 0.05f, 0.4f), false},
+          {"Ward", make_lobe(LobeType::kWard, 0.1f, 0.3f), false},
+          {"anisotropic GGX and diffuse", make_lobe(LobeType::kGlossy, 0.4f, 0.05f), true}};
+}
+
+DirectionSample draw(const EnvSamplerView& view, const ProductMix& mix, Vec2 u) {
+  return sample_guided(view, {}, kNoGuideSlot, mix, {0.5f, u.x, u.y}).light;
 }
 
 TEST(ProductCut, CutsAreThoseOfTheTree) {
@@ -86,15 +94,17 @@ TEST(ProductCut, SamplesFollowTheDensityAndFindItAgain) {
   const Map map = testing::make_outdoor_map(96, 48);
   for (int blocks : {1, 3, 400}) {
     const KdTreeSampler sampler(map.view(), config_of(blocks, blocks == 400 ? 1.0 : 0.0));
-    const KdTreeView tree = sampler.view().kdtree;
-    const CutView cut = sampler.cut();
+    const EnvSamplerView view = sampler.product_view();
+    const KdTreeView& tree = view.kdtree;
     for (const NamedLobe& named : lobes()) {
       SCOPED_TRACE(named.name);
-      const ProductCut product = product_of(cut, named.lobe);
+      const ProductMix mix = mix_of(sampler, named.lobe, named.diffuse);
+      ASSERT_GT(mix.count, 0);
       std::vector<double> expected(sampler.block_count()), drawn(expected.size());
       double total = 0;
       for (int b = 0; b < sampler.block_count(); ++b) {
-        const double p = sampler.probabilities()[b] * product.ratio[cut.node_of_block[b]];
+        const double p = sampler.probabilities()[b] *
+                         product_ratio(tree.products, mix, sampler.cut().node_of_block[b]);
         total += p;
         expected[b] = p * kSamples;
       }
@@ -106,8 +116,8 @@ TEST(ProductCut, SamplesFollowTheDensityAndFindItAgain) {
         Vec2 u = {(float)(generator() >> 8) * 0x1p-24f, (float)(generator() >> 8) * 0x1p-24f};
         const bool corner = i % 50 == 0;
         if (corner) u = {corners[i / 50 % 3], corners[i / 150 % 3]};
-        const DirectionSample s = sample_product(tree, cut, product, u);
-        differing += product_pdf(tree, cut, product, s.direction) != s.pdf;
+        const DirectionSample s = draw(view, mix, u);
+        differing += guided_pdf(view, {}, kNoGuideSlot, mix, s.direction) != s.pdf;
         ASSERT_TRUE(s.pdf > 0 && std::isfinite(s.pdf));
         const float azimuth = cell_azimuth(s.direction, tree.cell_width);
         if (!corner) drawn[locate_block(tree, azimuth, s.direction)] += 50.0 / 49.0;
@@ -146,20 +156,48 @@ std::pair<double, double> estimate(const Map& map, const Lobe& lobe, int count,
   return {mean, squares / count - mean * mean};
 }
 
+TEST(ProductCut, EveryCellHoldsItsAxis) {
+  double spread = 0;
+  for (int32_t cell = 0; cell < kLobeAxes; ++cell) {
+    const Vec3 axis = lobe_axis(cell);
+    EXPECT_NEAR(length(axis), 1.0f, 1e-6f);
+    EXPECT_EQ(lobe_cell(axis), cell);
+  }
+  std::mt19937 generator(3);
+  for (int i = 0; i < 10000; ++i) {
+    const float x = (float)(generator() >> 8) * 0x1p-24f, y = (float)(generator() >> 8) * 0x1p-24f;
+    const Vec3 direction = direction_at_height(x, y, false);
+    const float angle = std::acos(clampf(dot(direction, lobe_axis(lobe_cell(direction))), -1, 1));
+    EXPECT_LT(angle, 0.13f);
+    spread += angle * angle / 10000;
+  }
+  EXPECT_NEAR(spread, 4 * M_PI / kLobeAxes / 6, 1e-3);  // what the table widens lobes by
+}
+
+TEST(ProductCut, OnlyDirectedSurfacesMix) {
+  const Map map = testing::make_outdoor_map(96, 48);
+  const KdTreeSampler sampler(map.view(), config_of(400));
+  EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kDiffuse, 0, 0), false).count, 0);
+  EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kTabulated, 1, 1), true).count, 0);
+  EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kGlossy, 1e-4f, 1e-4f), true).count, 0);
+  EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kMetal, 0.2f, 0.2f), false).count, 1);
+  EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kGlossy, 0.1f, 0.4f), true).count, 4);
+}
+
 TEST(ProductCut, EstimatesAreUnbiasedAndVaryLess) {
   constexpr int kSamples = 150000;
   const Map map = testing::make_outdoor_map(256, 128);
   const KdTreeSampler sampler(map.view(), config_of(1024));
-  const EnvSamplerView view = sampler.view();
+  const EnvSamplerView view = sampler.product_view();
   for (const NamedLobe& named : lobes()) {
     SCOPED_TRACE(named.name);
-    const ProductCut product = product_of(sampler.cut(), named.lobe);
+    if (named.diffuse) continue;
+    const ProductMix mix = mix_of(sampler, named.lobe, false);
     const auto [plain, plain_variance] = estimate(map, named.lobe, kSamples, [&](Vec2 u) {
       return sample_environment(view, {0, u.x, u.y});
     });
-    const auto [directed, directed_variance] = estimate(map, named.lobe, kSamples, [&](Vec2 u) {
-      return sample_product(view.kdtree, sampler.cut(), product, u);
-    });
+    const auto [directed, directed_variance] =
+        estimate(map, named.lobe, kSamples, [&](Vec2 u) { return draw(view, mix, u); });
     EXPECT_NEAR(directed, plain, 4 * std::sqrt((plain_variance + directed_variance) / kSamples));
     EXPECT_LT(directed_variance, 0.8 * plain_variance);
     std::printf("%s: variance %.3f of the tree's alone\n", named.name,

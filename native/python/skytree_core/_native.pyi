@@ -307,6 +307,7 @@ class RenderSession:
         light_rays: int = 1,
         control_variate: bool = False,
         learn_visibility: bool = False,
+        product_sampling: bool = False,
         blue_noise: bool = False,
         sampler: EnvironmentSampler | None = None,
         candidates: int = 0,

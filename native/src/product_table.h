@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "kernel/product_lobes.h"
+
+namespace skytree {
+
+/// The cuts of kernel/product_lobes.h for one tree, 7 MB.
+struct ProductTable {
+  std::vector<ProductCut> cuts;
+  std::vector<float> means;
+
+  explicit ProductTable(const CutView& cut);
+};
+
+}  // namespace skytree
