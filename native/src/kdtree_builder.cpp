@@ -2,9 +2,11 @@
 #include "src/kdtree_builder.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <queue>
+#include <unordered_map>
 
 #include "src/range_table.h"
 
@@ -49,14 +51,15 @@ class TreeGrowth::Builder {
   size_t nbytes() const {
     return nodes_.size() * sizeof(BuildNode) + splits_.size() * sizeof(Split) +
            (waiting_.size() + ready_.size()) * sizeof(Candidate) +
-           known_.size() * CornerSums::nbytes() + (ranges_ ? ranges_->nbytes() : 0);
+           ahead_.size() * sizeof(*ahead_.begin()) + known_.size() * CornerSums::nbytes() +
+           (ranges_ ? ranges_->nbytes() : 0);
   }
 
   BuildTree tree(int block_count, ThreadTeam& team, const BuildProgress& progress) {
     for (;;) {
       while (block_count_ < block_count && !waiting_.empty() &&
              (ready_.empty() || ready_.top() < waiting_.top())) {
-        search_ahead(team);
+        make_ready(team);
       }
       if (block_count_ >= block_count || ready_.empty()) break;
       const int32_t node = ready_.top().node;
@@ -70,26 +73,59 @@ class TreeGrowth::Builder {
   }
 
  private:
-  /// Finds the planes of the blocks that wait in front. None depends on another, and nearly all of
-  /// them are needed soon.
+  /// Moves the first of the waiting blocks to those whose plane is known.
+  void make_ready(ThreadTeam& team) {
+    const Candidate candidate = waiting_.top();
+    if (splits_[candidate.node].axis < 0) search_ahead(team);
+    waiting_.pop();
+    const double variation = criterion_ == SplitCriterion::MIN_VARIANCE
+                                 ? std::min(exact_variation(candidate.node), candidate.variation)
+                                 : candidate.variation;
+    if (variation > 0) ready_.push({variation, candidate.node});
+  }
+
+  /// Finds the planes of the first block that waits and, with several threads, of those that will
+  /// most likely come next: others that wait, and what the next blocks will be split into.
   void search_ahead(ThreadTeam& team) {
+    struct Wanted {
+      TexelRect rect;
+      Split* split;
+    };
     const size_t most = team.size() > 1 ? kBlocksAhead * team.size() : 1;
-    std::vector<Candidate> taken;
-    for (; taken.size() < most && !waiting_.empty(); waiting_.pop()) {
-      taken.push_back(waiting_.top());
+    std::vector<Wanted> wanted;
+    std::vector<Candidate> waiting, ready;  // looked at
+    while (wanted.size() < most && waiting.size() + ready.size() < 2 * most) {
+      if (!waiting_.empty() && (ready_.empty() || ready_.top() < waiting_.top())) {
+        const int32_t node = waiting_.top().node;
+        if (splits_[node].axis < 0) wanted.push_back({nodes_[node].rect, &splits_[node]});
+        waiting.push_back(waiting_.top());
+        waiting_.pop();
+      } else if (!ready_.empty()) {
+        const int32_t node = ready_.top().node;
+        const auto [children, is_new] = ahead_.try_emplace(node);
+        for (int i = 0; is_new && i < 2; ++i) {
+          const TexelRect rect = child_rect(node, i);
+          if (rect.area() > 1) wanted.push_back({rect, &children->second[i]});
+        }
+        ready.push_back(ready_.top());
+        ready_.pop();
+      } else {
+        break;
+      }
     }
     if ((int)known_.size() < team.size()) known_.resize(team.size());
-    splits_.resize(nodes_.size());
-    team.run((int)taken.size(), [&](int worker, int i) {
-      const int32_t node = taken[i].node;
-      splits_[node] = find_split(statistics_, nodes_[node].rect, criterion_, &known_[worker]);
+    team.run((int)wanted.size(), [&](int worker, int i) {
+      *wanted[i].split = find_split(statistics_, wanted[i].rect, criterion_, &known_[worker]);
     });
-    for (const Candidate& candidate : taken) {
-      const double variation = criterion_ == SplitCriterion::MIN_VARIANCE
-                                   ? std::min(exact_variation(candidate.node), candidate.variation)
-                                   : candidate.variation;
-      if (variation > 0) ready_.push({variation, candidate.node});
-    }
+    for (const Candidate& candidate : waiting) waiting_.push(candidate);
+    for (const Candidate& candidate : ready) ready_.push(candidate);
+  }
+
+  TexelRect child_rect(int32_t node, int child) const {
+    const Split& split = splits_[node];
+    TexelRect rect = nodes_[node].rect;
+    (child == 0 ? rect.hi : rect.lo)[split.axis] = split.position;
+    return rect;
   }
 
   BuildTree first_splits(int block_count) const {
@@ -110,6 +146,7 @@ class TreeGrowth::Builder {
     node.rect = rect;
     node.moments = moments;
     nodes_.push_back(node);
+    splits_.emplace_back();
     const double variation = rect.area() > 1 ? first_variation(node) : 0.0;
     if (variation > 0) waiting_.push({variation, index});
   }
@@ -152,16 +189,16 @@ class TreeGrowth::Builder {
   }
 
   void split(int32_t index) {
-    const Split& split = splits_[index];
-    BuildNode& node = nodes_[index];
-    node.first_child = (int32_t)nodes_.size();
-    node.axis = split.axis;
-    node.position = split.position;
-    TexelRect first = node.rect, second = node.rect;
-    first.hi[split.axis] = second.lo[split.axis] = split.position;
-    add(first, split.first);
-    add(second, split.second);
+    const Split split = splits_[index];
+    nodes_[index].first_child = (int32_t)nodes_.size();
+    nodes_[index].axis = split.axis;
+    nodes_[index].position = split.position;
+    for (int i = 0; i < 2; ++i) add(child_rect(index, i), i == 0 ? split.first : split.second);
     ++block_count_;
+    const auto known = ahead_.find(index);
+    if (known == ahead_.end()) return;
+    for (int i = 0; i < 2; ++i) splits_[nodes_[index].first_child + i] = known->second[i];
+    ahead_.erase(known);
   }
 
   const SplitCriterion criterion_;
@@ -169,9 +206,10 @@ class TreeGrowth::Builder {
   const ImageStatistics& statistics_;
   std::unique_ptr<RangeTable> ranges_;
   std::vector<CornerSums> known_;                   // of each thread
-  std::priority_queue<Candidate> waiting_, ready_;  // to be searched; with a plane in splits_
+  std::priority_queue<Candidate> waiting_, ready_;  // ready: with a plane
   std::vector<BuildNode> nodes_;
-  std::vector<Split> splits_;  // by node
+  std::vector<Split> splits_;                                // by node; axis -1: not searched
+  std::unordered_map<int32_t, std::array<Split, 2>> ahead_;  // of a block's parts to be
   int32_t block_count_ = 1;
 };
 
