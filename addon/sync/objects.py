@@ -47,25 +47,31 @@ class ObjectSync:
 
     def sync(self, depsgraph, changed_geometry: set[int] | None, space=None):
         """`changed_geometry`: identities of objects and their data to be read again; None: all. With the
-        `space` of a 3D view its local view, local collections and hidden types count too; it is not kept."""
+        `space` of a 3D view its local view, local collections and hidden types count too; it is not kept.
+        Meshes of what the view hides stay, so that coming back sends none again."""
         if changed_geometry is None:
             self._clear()
             changed_geometry = set()
         shapes: dict[tuple, _Shape | None] = {}
         self._fresh: set[tuple] = set()
         used_instances: set[tuple] = set()
+        hidden: set[tuple] = set()
         override = depsgraph.view_layer_eval.material_override
         for item in depsgraph.object_instances:
             ob = item.object
             if ob.type not in GEOMETRY_TYPES:
                 self._explain_skipped(ob)
                 continue
-            if not item.show_self or not (space is None or ob.visible_in_viewport_get(space)):
+            if not item.show_self:
                 continue
             data_key = _data_key(item, ob)
             shape_key = (identity_of(ob), data_key)
+            stale = not changed_geometry.isdisjoint((identity_of(ob), identity_of(ob.original.data)))
+            if space is not None and not ob.visible_in_viewport_get(space):
+                if not stale:
+                    hidden.add(data_key)
+                continue
             if shape_key not in shapes:
-                stale = not changed_geometry.isdisjoint((identity_of(ob), identity_of(ob.original.data)))
                 shapes[shape_key] = self._shape(ob, data_key, stale, override, depsgraph)
             shape = shapes[shape_key]
             if shape.mesh is None:
@@ -75,7 +81,8 @@ class ObjectSync:
                 key = (*shape_key, identity_of(item.parent), tuple(item.persistent_id))
             used_instances.add(key)
             self._place(key, shape, item.matrix_world, ob)
-        self._remove_unused(self._fresh, used_instances)
+        kept = {key for key in self._meshes if key[0] in hidden}
+        self._remove_unused(self._fresh | kept, used_instances)
 
     def _explain_skipped(self, ob):
         if ob.type == "LIGHT":

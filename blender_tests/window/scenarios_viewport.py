@@ -330,7 +330,16 @@ def scenario_local_view(w):
     w.space.show_object_viewport_mesh = True
     yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 3, what="shown meshes")
     yield from w.until_still()
-    w.figure("meshes uploaded again by local view", renderer.sync.counts["meshes"] - meshes)
+    assert renderer.sync.counts["meshes"] == meshes, "a mesh was sent again"
+    # What changes while it is hidden is read again.
+    w.space.show_object_viewport_mesh = False
+    yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 0, what="hidden meshes")
+    bpy.data.objects["Sphere"].data.vertices[0].co.z += 0.1
+    bpy.data.objects["Sphere"].data.update()
+    yield 0.2
+    w.space.show_object_viewport_mesh = True
+    yield from w.until(lambda: renderer.sync.scene.stats["instances"] == 3, what="shown meshes")
+    assert renderer.sync.counts["meshes"] == meshes + 1, "an edited mesh was not sent, or others were"
     assert renderer.problem == ""
 
 
