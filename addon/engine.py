@@ -97,6 +97,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             light_rays=settings.light_rays,
             control_variate=settings.control_variate,
             learn_visibility=settings.learn_visibility,
+            adaptive_sampling=settings.adaptive_sampling,
         )
         try:
             self._follow(session, film, settings.samples, depsgraph.view_layer.name)

@@ -77,6 +77,7 @@ class SKYTREE_RENDER_PT_sampling(_RenderPanel, bpy.types.Panel):
         column = _column(self.layout)
         column.prop(settings, "samples", text="Render Samples")
         column.prop(settings, "preview_samples", text="Viewport Samples")
+        column.prop(settings, "adaptive_sampling")
         column.prop(settings, "seed")
         column.prop(settings, "blue_noise")
 

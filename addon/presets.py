@@ -25,6 +25,7 @@ BUILT_IN = {
             "light_rays": 2,
             "control_variate": True,
             "learn_visibility": True,
+            "adaptive_sampling": True,
             "pixel_filter": "BLACKMAN_HARRIS",
             "filter_width": 1.5,
         },
@@ -42,12 +43,19 @@ BUILT_IN = {
             "light_rays": 1,
             "control_variate": False,
             "learn_visibility": False,
+            "adaptive_sampling": False,
         },
     ),
     "INVERSION": (
         "Inversion",
         "The method the paper compares with: inversion of all texels' distribution",
-        {"sampler": "INVERSION", "light_rays": 1, "control_variate": False, "learn_visibility": False},
+        {
+            "sampler": "INVERSION",
+            "light_rays": 1,
+            "control_variate": False,
+            "learn_visibility": False,
+            "adaptive_sampling": False,
+        },
     ),
 }
 
@@ -99,6 +107,7 @@ class SKYTREE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "light_rays",
             "control_variate",
             "learn_visibility",
+            "adaptive_sampling",
             "pixel_filter",
             "filter_width",
         )

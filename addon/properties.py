@@ -195,6 +195,13 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Final renders on the CPU: what shadow rays meet at first steers later "
         "samples, for rooms lit through windows; open scenes find nothing to learn and stay as they are",
     )
+    adaptive_sampling: BoolProperty(
+        update=_changed,
+        name="Adaptive",
+        default=True,
+        description="Final renders on the CPU, from 16 samples on: after a quarter of the samples the rest goes where "
+        "the picture is still noisy, the same number in all. Pixels stay unbiased",
+    )
     pixel_filter: EnumProperty(
         update=_changed,
         name="Pixel Filter",

@@ -67,7 +67,7 @@ def test_cuda_renders_the_cpus_picture_of_the_demo_with_every_sampler(devices, s
         bpy.data.objects.remove(thing)
     demo.build(scene, scenes.BUNDLED / "city.exr")
     scene.render.resolution_x, scene.render.resolution_y = 96, 54
-    scene.skytree.learn_visibility = False  # the CPU alone does
+    scene.skytree.learn_visibility = scene.skytree.adaptive_sampling = False  # the CPU alone does
     tried = 0
     for settings in settings_of_every_sampler():
         expected = scenes.render_skytree(scene, samples=4, max_bounces=3, device="CPU", **settings)

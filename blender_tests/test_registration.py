@@ -26,6 +26,7 @@ FIXED_SETTINGS = {
     "light_rays": 2,
     "control_variate": True,
     "learn_visibility": True,
+    "adaptive_sampling": True,
 }
 
 

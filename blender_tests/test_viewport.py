@@ -111,7 +111,7 @@ def test_same_picture_as_a_final_render(skytree, viewport):
     scene, renderer = viewport
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     scene.skytree.blue_noise = True  # as the viewport always has it
-    scene.skytree.learn_visibility = False  # as only final renders do
+    scene.skytree.learn_visibility = scene.skytree.adaptive_sampling = False  # as only final renders do
     final = scenes.render_skytree(scene, samples=4)
     np.testing.assert_allclose(renderer.pixels(), final, rtol=1e-5, atol=1e-6)
 

@@ -271,7 +271,7 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
            int max_bounces, uint32_t seed, const std::string& pixel_filter, double filter_width,
            const std::optional<std::array<int, 4>>& region, bool film_transparent, int first_sample,
            bool bsdf_sampling, bool light_sampling, int light_rays, bool control_variate,
-           bool learn_visibility, bool product_sampling, bool blue_noise,
+           bool learn_visibility, bool product_sampling, bool adaptive_sampling, bool blue_noise,
            std::shared_ptr<const EnvironmentSampler> sampler, int candidates) {
   RenderOptions options;
   options.width = width;
@@ -304,6 +304,7 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
   options.control_variate = control_variate;
   options.learn_visibility = learn_visibility;
   options.product_sampling = product_sampling;
+  options.adaptive_sampling = adaptive_sampling;
   options.sampler = std::move(sampler);
   py::gil_scoped_release release;
   session.start(std::move(scene), options);
@@ -513,8 +514,8 @@ A pixel's value depends on its position, the sample index and the seed only.)")
            "filter_width"_a = 1.5, "region"_a = py::none(), "film_transparent"_a = false,
            "first_sample"_a = 0, "bsdf_sampling"_a = true, "light_sampling"_a = true,
            "light_rays"_a = 1, "control_variate"_a = false, "learn_visibility"_a = false,
-           "product_sampling"_a = false, "blue_noise"_a = false, "sampler"_a = py::none(),
-           "candidates"_a = 0, R"(
+           "product_sampling"_a = false, "adaptive_sampling"_a = false, "blue_noise"_a = false,
+           "sampler"_a = py::none(), "candidates"_a = 0, R"(
 Starts rendering and returns at once. RuntimeError while running, ValueError for values out of range.
 
 max_bounces 0 shows the environment as the first surface sees it. pixel_filter: BOX (one pixel), GAUSSIAN or
@@ -525,9 +526,10 @@ surface that a path meets; mirrors and narrow lobes take one. control_variate: d
 the unshadowed map's, tile by tile as far as pilot paths find that it helps; the mean is the same. learn_visibility: what shadow rays meet
 during the first 16 samples steers later light samples where much of the environment is hidden (CPU, kd-trees chosen by a
 warp); pixels then depend on the whole region that is rendered. product_sampling: light samples of glossy surfaces are
-directed to what their lobes reflect (kd-trees of linear blocks). blue_noise makes the
-errors of neighbouring
-pixels differ, which looks finer at few samples. sampler takes the place of the scene's own, so
+directed to what their lobes reflect (kd-trees of linear blocks). adaptive_sampling: samples is the mean of all pixels;
+after a quarter of them the rest is shared out by the noise of each pixel's neighbours, which keeps pixels unbiased (CPU,
+from 16 samples on; pixels then depend on the region). blue_noise makes the errors of neighbouring pixels differ, which
+looks finer at few samples. sampler takes the place of the scene's own, so
 that two sessions compare samplers on one scene. candidates above 0 (for comparison and teaching): each light sample is
 chosen by BSDF times radiance from so many (Burke et al. 2005, unbiased), half of them BSDF samples if bsdf_sampling is on;
 the BSDF's own ray then brings no light from the environment. light_rays,

@@ -271,15 +271,26 @@ void RenderSession::start_learning() {
   scene.guide = guide_->view();
 }
 
-/// Waits until all tiles have finished the passes before, then brings the guide up to date, once.
+/// Waits until all tiles have finished so many samples. False when the render was cancelled.
+bool RenderSession::wait_for_samples(int64_t count) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  wake_.wait(lock, [&] { return samples_done_ - cpu_begin_ >= count || cancel_; });
+  return !cancel_;
+}
+
+/// Shares out the samples from `begin` on, once, if that is where the measured ones end.
+void RenderSession::share_out_before(int64_t begin) {
+  if (!plan_ || begin != plan_->measured() || !wait_for_samples(begin)) return;
+  std::lock_guard<std::mutex> lock(plan_mutex_);
+  if (!shared_out_) plan_->share_out();
+  shared_out_ = true;
+}
+
+/// Brings the guide up to date with the passes before, once.
 void RenderSession::learn_before(uint64_t pass, int64_t begin) {
-  if (!guide_ || pass == 0 || guide_pass_ >= pass) return;
-  {
-    std::unique_lock<std::mutex> lock(mutex_);
-    wake_.wait(lock, [&] { return samples_done_ - cpu_begin_ >= begin || cancel_; });
-  }
+  if (!guide_ || pass == 0 || guide_pass_ >= pass || !wait_for_samples(begin)) return;
   std::lock_guard<std::mutex> lock(guide_mutex_);
-  if (cancel_ || guide_pass_ >= pass) return;
+  if (guide_pass_ >= pass) return;
   const double guided = guide_->update();
   guide_->set_probing(begin < kProbingSamples);
   if (begin >= kLearningSamples) guide_->freeze();
@@ -321,6 +332,13 @@ void RenderSession::lead() {
   controls_.assign(size_t(tiles_x_) * tiles_y_, 0.0f);
   job_.settings.controls = {controls_.data(), first_tile_x_, first_tile_y_, tiles_x_};
   start_learning();
+  plan_.reset();
+  shared_out_ = false;
+  // After a device's samples nothing is known of their spread.
+  if (options_.adaptive_sampling && cpu_begin_ == 0 &&
+      options_.samples >= SamplePlan::kLeastSamples) {
+    plan_ = std::make_unique<SamplePlan>(region_width(), region_height(), options_.samples);
+  }
   ready_ = true;
   wake_.notify_all();
 }
@@ -392,6 +410,7 @@ void RenderSession::render_tiles() {
   std::unique_ptr<TileScratch, decltype(&delete_tile_scratch)> scratch(new_tile_scratch(),
                                                                        delete_tile_scratch);
   auto sample = std::make_unique<TileSample>();
+  std::vector<TilePath> paths;
   const uint64_t tiles = uint64_t(tiles_x_) * tiles_y_;
   uint64_t rays = 0;
   while (!cancel_) {
@@ -402,23 +421,32 @@ void RenderSession::render_tiles() {
     if (begin >= options_.samples) break;
     const int tile = int(item % tiles);
     learn_before(pass, begin - cpu_begin_);
+    share_out_before(begin - cpu_begin_);
     // Sums are taken in the order of the samples, whichever thread takes them.
     while (tile_passes_[tile].load(std::memory_order_acquire) != int(pass) && !cancel_)
       std::this_thread::yield();
     const int tile_x = first_tile_x_ + tile % tiles_x_, tile_y = first_tile_y_ + tile / tiles_x_;
     if (pass == 0 && uses_control_variate())
       controls_[tile] = pilot(tile, scratch.get(), sample.get());
-    bool complete = true;
-    for (int64_t i = begin; i < end; ++i) {
-      if (cancel_) {
-        complete = false;
-        break;
+    const auto trace = [&](size_t first, size_t count) {
+      const TileWork work = {tile_x, tile_y, paths.data() + first, int(count)};
+      rays += render_tile_(job_, work, scratch.get(), sample.get());
+      accumulate(tile, work, *sample);
+    };
+    if (plan_ && begin - cpu_begin_ >= plan_->measured()) {
+      paths.clear();
+      append_shared_out(tile, begin, end, &paths);
+      for (size_t i = 0; i < paths.size() && !cancel_; i += kTilePixels) {
+        trace(i, std::min<size_t>(kTilePixels, paths.size() - i));
       }
-      rays += render_tile_(job_, {tile_x, tile_y, uint32_t(options_.first_sample + i), false},
-                           scratch.get(), sample.get());
-      accumulate(*sample, tile_x, tile_y);
+    } else {
+      for (int64_t i = begin; i < end && !cancel_; ++i) {
+        paths.clear();
+        append_tile(tile, uint32_t(i), &paths);
+        trace(0, paths.size());
+      }
     }
-    if (!complete) break;
+    if (cancel_) break;
     tile_passes_[tile].store(int(pass) + 1, std::memory_order_release);
     std::atomic<int>& finished = pass_tiles_[pass % pass_slots()];
     if (uint64_t(++finished) == tiles) {
@@ -428,7 +456,7 @@ void RenderSession::render_tiles() {
       int before = samples_done_.load();
       while (before < done && !samples_done_.compare_exchange_weak(before, done)) {
       }
-      if (guide_) {
+      if (guide_ || plan_) {
         std::lock_guard<std::mutex> lock(mutex_);  // or a thread about to wait misses this
         wake_.notify_all();
       }
@@ -441,7 +469,15 @@ void RenderSession::render_tiles() {
 
 /// The control variate's factor for a tile, as kernel/path.h computes it on other devices.
 float RenderSession::pilot(int tile, TileScratch* scratch, TileSample* sample) const {
-  const TileWork work = {first_tile_x_ + tile % tiles_x_, first_tile_y_ + tile / tiles_x_, 0, true};
+  TilePath paths[kPilotPaths];
+  TileWork work = {first_tile_x_ + tile % tiles_x_, first_tile_y_ + tile / tiles_x_, paths, 0};
+  for (int i = 0; i < kPilotPaths; ++i) {
+    const int x = pilot_x(i), y = pilot_y(i);
+    if (work.x * kTileSize + x >= options_.width || work.y * kTileSize + y >= options_.height) {
+      continue;
+    }
+    paths[work.count++] = {uint32_t(y * kTileSize + x), 0};
+  }
   IntegratorJob job = job_;
   job.scene.guide = {};  // pilots neither learn nor are guided
   Vec3 plain[kPilotPaths];
@@ -449,46 +485,73 @@ float RenderSession::pilot(int tile, TileScratch* scratch, TileSample* sample) c
   for (const float control : {0.0f, 1.0f}) {
     job.settings = pilot_settings(job_.settings, control);
     render_tile_(job, work, scratch, sample);
-    for (int i = 0; i < kPilotPaths; ++i) {
-      const int x = pilot_x(i), y = pilot_y(i);
-      if (work.x * kTileSize + x >= options_.width || work.y * kTileSize + y >= options_.height) {
-        continue;
-      }
-      const Vec3 radiance = sample->radiance[y * kTileSize + x];
+    for (int i = 0; i < work.count; ++i) {
       if (control == 0.0f) {
-        plain[i] = radiance;
+        plain[i] = sample->radiance[i];
       } else {
-        add_pilot(plain[i], radiance, &sums);
+        add_pilot(plain[i], sample->radiance[i], &sums);
       }
     }
   }
   return control_factor(sums);
 }
 
-void RenderSession::accumulate(const TileSample& sample, int tile_x, int tile_y) {
-  const int tile = (tile_y - first_tile_y_) * tiles_x_ + tile_x - first_tile_x_;
-  const int left = tile_x * kTileSize, low = tile_y * kTileSize;
-  const int x_begin = std::max(options_.x0, left), x_end = std::min(options_.x1, left + kTileSize);
-  const int y_begin = std::max(options_.y0, low), y_end = std::min(options_.y1, low + kTileSize);
+/// Sample `sample` of all of the tile's pixels, also of those beyond a render border: which rays
+/// share a packet must not depend on it.
+void RenderSession::append_tile(int tile, uint32_t sample, std::vector<TilePath>* paths) const {
+  const int left = (first_tile_x_ + tile % tiles_x_) * kTileSize;
+  const int low = (first_tile_y_ + tile / tiles_x_) * kTileSize;
+  for (int i = 0; i < kTilePixels; ++i) {
+    const int pixel = tile_order(i);
+    if (left + pixel % kTileSize >= options_.width || low + pixel / kTileSize >= options_.height) {
+      continue;
+    }
+    paths->push_back({uint32_t(pixel), uint32_t(options_.first_sample) + sample});
+  }
+}
+
+/// The samples that the plan has for the tile's pixels between `begin` and `end` samples in the
+/// mean.
+void RenderSession::append_shared_out(int tile, int64_t begin, int64_t end,
+                                      std::vector<TilePath>* paths) const {
+  const int left = (first_tile_x_ + tile % tiles_x_) * kTileSize - options_.x0;
+  const int low = (first_tile_y_ + tile / tiles_x_) * kTileSize - options_.y0;
+  // Pixel by pixel: rays of one pixel are as alike as rays can be.
+  for (int i = 0; i < kTilePixels; ++i) {
+    const int pixel = tile_order(i);
+    const int x = left + pixel % kTileSize, y = low + pixel / kTileSize;
+    if (x < 0 || y < 0 || x >= region_width() || y >= region_height()) continue;
+    const size_t place = size_t(y) * region_width() + x;
+    const uint32_t last = plan_->samples_at(place, end);
+    for (uint32_t k = plan_->samples_at(place, begin); k < last; ++k) {
+      paths->push_back({uint32_t(pixel), uint32_t(options_.first_sample) + k});
+    }
+  }
+}
+
+void RenderSession::accumulate(int tile, const TileWork& work, const TileSample& sample) {
+  const int left = work.x * kTileSize - options_.x0, low = work.y * kTileSize - options_.y0;
+  const int width = region_width(), height = region_height();
   uint64_t rejected = 0;
   {
     std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
-    for (int y = y_begin; y < y_end; ++y) {
-      Pixel* row = film_.data() + size_t(y - options_.y0) * region_width() - options_.x0;
-      for (int x = x_begin; x < x_end; ++x) {
-        const int i = (y - low) * kTileSize + x - left;
-        const Vec3 radiance = sample.radiance[i];
-        Pixel& pixel = row[x];
-        ++pixel.count;
-        pixel.alpha += sample.alpha[i];
-        if (!std::isfinite(radiance.x + radiance.y + radiance.z)) {
-          ++rejected;
-          continue;
-        }
-        pixel.radiance[0] += radiance.x;
-        pixel.radiance[1] += radiance.y;
-        pixel.radiance[2] += radiance.z;
+    for (int i = 0; i < work.count; ++i) {
+      const int x = left + int(work.paths[i].pixel % kTileSize);
+      const int y = low + int(work.paths[i].pixel / kTileSize);
+      if (x < 0 || y < 0 || x >= width || y >= height) continue;
+      const size_t place = size_t(y) * width + x;
+      const Vec3 radiance = sample.radiance[i];
+      if (plan_ && !shared_out_) plan_->record(place, radiance);
+      Pixel& pixel = film_[place];
+      ++pixel.count;
+      pixel.alpha += sample.alpha[i];
+      if (!std::isfinite(radiance.x + radiance.y + radiance.z)) {
+        ++rejected;
+        continue;
       }
+      pixel.radiance[0] += radiance.x;
+      pixel.radiance[1] += radiance.y;
+      pixel.radiance[2] += radiance.z;
     }
   }
   if (rejected) {

@@ -13,6 +13,7 @@
 
 #include "src/device_renderer.h"
 #include "src/filter_table.h"
+#include "src/sample_plan.h"
 #include "src/scene.h"
 #include "src/tile_integrator.h"
 #include "src/visibility_guide.h"
@@ -35,6 +36,10 @@ struct RenderOptions {
   /// Steer light samples by what earlier shadow rays of the same render met (CPU; samplers with a
   /// warp). A part of a film then differs in its noise from the same part of the whole.
   bool learn_visibility = false;
+  /// Share out three quarters of the samples by where the first quarter found noise; `samples` is
+  /// the mean of all pixels (CPU; from SamplePlan::kLeastSamples on). A part of a film then differs
+  /// in its noise from the same part of the whole.
+  bool adaptive_sampling = false;
   bool blue_noise = false;  // neighbouring pixels' errors differ (kernel/rng.h)
   /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if
   /// bsdf_sampling is on (kernel/resampling.h). The BSDF's own ray then brings no environment.
@@ -115,9 +120,13 @@ class RenderSession {
   void render_tiles();
   bool uses_control_variate() const;
   float pilot(int tile, TileScratch* scratch, TileSample* sample) const;
-  void accumulate(const TileSample& sample, int tile_x, int tile_y);
+  void append_tile(int tile, uint32_t sample, std::vector<TilePath>* paths) const;
+  void append_shared_out(int tile, int64_t begin, int64_t end, std::vector<TilePath>* paths) const;
+  void accumulate(int tile, const TileWork& work, const TileSample& sample);
   void start_learning();
+  bool wait_for_samples(int64_t count);
   void learn_before(uint64_t pass, int64_t begin);
+  void share_out_before(int64_t begin);
   void fail(const std::string& message);
 
   std::vector<std::thread> threads_;
@@ -144,6 +153,9 @@ class RenderSession {
   std::atomic<int> samples_done_{0};
 
   std::unique_ptr<VisibilityGuide> guide_;
+  std::unique_ptr<SamplePlan> plan_;  // null: every pixel takes as many samples
+  bool shared_out_ = false;
+  std::mutex plan_mutex_;
   std::mutex guide_mutex_;
   std::atomic<uint64_t> guide_pass_{0};  // the last pass that the guide was brought up to date for
 

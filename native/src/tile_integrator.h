@@ -23,27 +23,40 @@ struct IntegratorJob {
   int width, height;
 };
 
-/// Result of one sample of every pixel of a tile, row by row of kTileSize.
+/// One sample of one pixel, which is y * kTileSize + x inside its tile.
+struct TilePath {
+  uint32_t pixel, sample;
+};
+
+/// Paths of tile (x, y), at most kTilePixels, all of pixels inside the film.
+struct TileWork {
+  int x, y;
+  const TilePath* paths;
+  int count;
+};
+
+/// What each path of a TileWork brought.
 struct TileSample {
   Vec3 radiance[kTilePixels];
   float alpha[kTilePixels];
 };
+
+/// The i-th pixel in an order in which 2 x 4 neighbours follow each other: the more alike the rays
+/// of a packet, the cheaper it is.
+inline int tile_order(int i) {
+  const int block = i >> 3, lane = i & 7;
+  const int x = ((block & 3) << 2) | (lane & 3);
+  const int y = ((block >> 2) << 1) | (lane >> 2);
+  return y * kTileSize + x;
+}
 
 /// A worker's memory, reused from tile to tile.
 struct TileScratch;
 TileScratch* new_tile_scratch();
 void delete_tile_scratch(TileScratch* scratch);
 
-/// One sample of the pixels of tile (x, y) that lie inside the film, or of its pilot paths
-/// (kernel/pilot.h).
-struct TileWork {
-  int x, y;
-  uint32_t sample;
-  bool pilot;
-};
-
-/// Renders one sample of a tile. One call traces it as a whole: which rays share a packet, and with
-/// it every rounding inside Embree, depends on nothing else. Returns the number of rays traced.
+/// Renders paths of a tile. Which rays share a packet, and with it every rounding inside Embree,
+/// depends on the work alone. Returns the number of rays traced.
 using RenderTile = uint64_t (*)(const IntegratorJob&, const TileWork&, TileScratch*, TileSample*);
 
 /// The version for the instruction set of this processor.

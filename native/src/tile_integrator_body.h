@@ -35,34 +35,26 @@ struct Batch {
   int active[kTilePixels];  // paths that have a ray to trace
   Hit hits[Connections::kCapacity];
   int waiting[Connections::kCapacity];
-  uint32_t seeds[kTilePixels];
+  uint32_t seeds[kTilePixels], samples[kTilePixels];
   float random[2][kTilePixels];
   Connections connections;
   Lanes diffuse, glossy;
   LaneWork work;
 };
 
-/// 2 x 4 pixels are neighbours in a packet: the more alike its rays, the cheaper it is.
-static int tile_order(int i) {
-  const int block = i >> 3, lane = i & 7;
-  const int x = ((block & 3) << 2) | (lane & 3);
-  const int y = ((block >> 2) << 1) | (lane >> 2);
-  return y * kTileSize + x;
-}
-
-/// Loops of their own, which the compiler vectorises. All seeds are of one kind.
-static void draw_pairs(const uint32_t* seeds, int count, uint32_t sample, uint32_t pair,
-                       float* __restrict x, float* __restrict y) {
+/// All seeds are of one kind.
+SKY_LANE_LOOP void draw_pairs(const uint32_t* seeds, const uint32_t* samples, int count,
+                              uint32_t pair, float* __restrict x, float* __restrict y) {
   if (count > 0 && has_blue_noise(seeds[0])) {
     for (int i = 0; i < count; ++i) {
-      const Vec2 u = blue_noise_pair(seeds[i], sample, pair);
+      const Vec2 u = blue_noise_pair(seeds[i], samples[i], pair);
       x[i] = u.x;
       y[i] = u.y;
     }
     return;
   }
   for (int i = 0; i < count; ++i) {
-    const Vec2 u = hashed_pair(seeds[i], sample, pair);
+    const Vec2 u = hashed_pair(seeds[i], samples[i], pair);
     x[i] = u.x;
     y[i] = u.y;
   }
@@ -70,8 +62,7 @@ static void draw_pairs(const uint32_t* seeds, int count, uint32_t sample, uint32
 
 /// Shades vertex number `vertex` of the batch's `count` active paths, whose hits are known. Returns
 /// how many go on.
-static int shade_batch(const IntegratorJob& job, uint32_t sample, int vertex, int count,
-                       Batch* batch) {
+static int shade_batch(const IntegratorJob& job, int vertex, int count, Batch* batch) {
   const SceneView& scene = job.scene;
   batch->connections.count = batch->diffuse.count = batch->glossy.count = 0;
   int alive = 0;
@@ -114,10 +105,10 @@ static int shade_batch(const IntegratorJob& job, uint32_t sample, int vertex, in
     }
     for (int k = 0; k < made; ++k) append(connections[k], index, &batch->connections);
   }
-  alive = shade_lanes<false>(scene, job.settings, batch->diffuse, sample, vertex, &batch->work,
+  alive = shade_lanes<false>(scene, job.settings, batch->diffuse, vertex, &batch->work,
                              batch->paths, &batch->connections, batch->active, alive);
-  return shade_lanes<true>(scene, job.settings, batch->glossy, sample, vertex, &batch->work,
-                           batch->paths, &batch->connections, batch->active, alive);
+  return shade_lanes<true>(scene, job.settings, batch->glossy, vertex, &batch->work, batch->paths,
+                           &batch->connections, batch->active, alive);
 }
 
 /// What the connections bring that nothing is in the way of, to their paths in their order.
@@ -147,23 +138,24 @@ static void add_connections(const SceneView& scene, const Connections& connectio
 static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, TileScratch* scratch,
                             TileSample* out) {
   Batch& batch = *reinterpret_cast<Batch*>(scratch);
-  int count = 0;
+  int count = work.count;
   uint64_t rays = 0;
-  for (int i = 0; i < (work.pilot ? kPilotPaths : kTilePixels); ++i) {
-    const int pixel = work.pilot ? pilot_y(i) * kTileSize + pilot_x(i) : tile_order(i);
-    const int x = work.x * kTileSize + pixel % kTileSize;
-    const int y = work.y * kTileSize + pixel / kTileSize;
-    if (x >= job.width || y >= job.height) continue;
-    batch.seeds[count] = pixel_seed(job.settings.seed, x, y, job.settings.blue_noise);
-    batch.active[count++] = pixel;
+  const auto film_x = [&](int i) {
+    return work.x * kTileSize + static_cast<int>(work.paths[i].pixel % kTileSize);
+  };
+  const auto film_y = [&](int i) {
+    return work.y * kTileSize + static_cast<int>(work.paths[i].pixel / kTileSize);
+  };
+  for (int i = 0; i < count; ++i) {
+    batch.seeds[i] = pixel_seed(job.settings.seed, film_x(i), film_y(i), job.settings.blue_noise);
+    batch.samples[i] = work.paths[i].sample;
+    batch.active[i] = i;
   }
-  draw_pairs(batch.seeds, count, work.sample, kPairFilter, batch.random[0], batch.random[1]);
+  draw_pairs(batch.seeds, batch.samples, count, kPairFilter, batch.random[0], batch.random[1]);
   const float control = control_of_pixel(job.settings, work.x * kTileSize, work.y * kTileSize);
   for (int i = 0; i < count; ++i) {
-    const int pixel = batch.active[i];
-    start_path(job.scene, job.settings, work.x * kTileSize + pixel % kTileSize,
-               work.y * kTileSize + pixel / kTileSize, batch.seeds[i], work.sample,
-               {batch.random[0][i], batch.random[1][i]}, control, &batch.paths[pixel]);
+    start_path(job.scene, job.settings, film_x(i), film_y(i), batch.seeds[i], batch.samples[i],
+               {batch.random[0][i], batch.random[1][i]}, control, &batch.paths[i]);
   }
   bool coherent = true;
   // A path ends by its own rules; the bound only keeps an error in them from hanging a thread.
@@ -173,7 +165,7 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
                   [&](int i) -> const Ray& { return batch.paths[batch.active[i]].ray; });
     rays += count;
     coherent = false;
-    count = shade_batch(job, work.sample, vertex, count, &batch);
+    count = shade_batch(job, vertex, count, &batch);
     Connections& connections = batch.connections;
     if (job.scene.has_transparency) {
       rays += trace_through(job, &connections, batch.hits, batch.waiting);
@@ -188,7 +180,7 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
     }
     add_connections(job.scene, connections, &batch.work.lookups, batch.paths);
   }
-  for (int i = 0; i < kTilePixels; ++i) {
+  for (int i = 0; i < work.count; ++i) {
     out->radiance[i] = batch.paths[i].radiance;
     out->alpha[i] = batch.paths[i].alpha;
   }

@@ -16,7 +16,7 @@ namespace SKYTREE_ISA {
 struct Lanes {
   int count;
   int path[kBatch];
-  uint32_t seed[kBatch];
+  uint32_t seed[kBatch], sample[kBatch];
   int light_rays[kBatch];
   uint32_t guide_slot[kBatch];
   ProductMix products[kBatch];
@@ -76,6 +76,7 @@ static void append_lane(const Surface& surface, const Shading& shading, const Pa
   const int i = lanes->count++;
   lanes->path[i] = path_index;
   lanes->seed[i] = path.seed;
+  lanes->sample[i] = path.sample;
   lanes->light_rays[i] = light_rays;
   lanes->guide_slot[i] = guide_slot;
   lanes->products[i] = products;
@@ -258,13 +259,13 @@ SKY_LANE_LOOP void turn_to_map(const Mat3& world_to_env, int count, LaneDirectio
 /// Light sample number `k` of the lanes that have so many.
 template <bool kGlossy>
 static void sample_light_lanes(const SceneView& scene, const RenderSettings& settings,
-                               const Lanes& lanes, uint32_t sample, int vertex, int k,
-                               LaneWork* work, Connections* connections) {
+                               const Lanes& lanes, int vertex, int k, LaneWork* work,
+                               Connections* connections) {
   const EnvironmentView& environment = scene.environment;
   LaneDirections& directions = work->directions;
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
-    work->index[i] = light_index(sample, lanes.light_rays[i], k);
+    work->index[i] = light_index(lanes.sample[i], lanes.light_rays[i], k);
   }
   draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
   for (int i = 0; i < lanes.count; ++i) {
@@ -326,33 +327,31 @@ SKY_LANE_LOOP void sample_bsdf_lanes(const Lanes& lanes, LaneWork* work) {
 /// length is returned.
 template <bool kGlossy>
 static int shade_lanes(const SceneView& scene, const RenderSettings& settings, const Lanes& lanes,
-                       uint32_t sample, int vertex, LaneWork* work, PathState* paths,
-                       Connections* connections, int* active, int active_count) {
+                       int vertex, LaneWork* work, PathState* paths, Connections* connections,
+                       int* active, int active_count) {
   const EnvironmentView& environment = scene.environment;
   LaneDirections& directions = work->directions;
   const int count = lanes.count;
   if (count == 0) return active_count;
-  for (int i = 0; i < count; ++i) work->index[i] = sample;
-  draw_lanes(lanes, work->index, first_pair(vertex) + kPairChoice, work->choice_x, work->choice_y);
+  draw_lanes(lanes, lanes.sample, first_pair(vertex) + kPairChoice, work->choice_x, work->choice_y);
   begin_control(environment, lanes, work);
   int most = 0;
   for (int i = 0; i < count; ++i) most = lanes.light_rays[i] > most ? lanes.light_rays[i] : most;
   for (int k = 0; k < most; ++k) {
-    sample_light_lanes<kGlossy>(scene, settings, lanes, sample, vertex, k, work, connections);
+    sample_light_lanes<kGlossy>(scene, settings, lanes, vertex, k, work, connections);
   }
   if (scene.guide.probing) {
     for (int i = 0; i < count; ++i) {
       Connection probe;
       if (lanes.light_rays[i] > 0 && lanes.guide_slot[i] != kNoGuideSlot &&
           probe_visibility(scene, lane_surface(lanes, i), lanes.guide_slot[i], lanes.seed[i],
-                           sample, vertex, &probe)) {
+                           lanes.sample[i], vertex, &probe)) {
         append(probe, lanes.path[i], connections);
       }
     }
   }
 
-  for (int i = 0; i < count; ++i) work->index[i] = sample;
-  draw_lanes(lanes, work->index, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
+  draw_lanes(lanes, lanes.sample, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
   sample_bsdf_lanes<kGlossy>(lanes, work);
   evaluate<kGlossy>(lanes, &directions);
   if (settings.bsdf_sampling) {
