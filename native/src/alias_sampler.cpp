@@ -84,8 +84,9 @@ AliasSampler::AliasSampler(const LatLongImage& image, int threads)
     }
   }
   // Beyond rounding nothing is left to give; entries without an alias are their own.
-  for (int64_t i = large; i < count; ++i)
-    entries_[i].threshold = fminf(entries_[i].threshold, 1.0f);
+  for (int64_t i = large; i < count; ++i) {
+    if (entries_[i].threshold > 1.0f) entries_[i].threshold = 1.0f;
+  }
   build_seconds_ = stopwatch.seconds();
 }
 
