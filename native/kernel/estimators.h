@@ -22,7 +22,7 @@ namespace skytree {
 
 /// Narrower lobes (alpha along the wider axis) take one light sample: their BSDF sample does the
 /// work.
-constexpr float kSharpAlpha = 0.1f;
+constexpr float kSharpAlpha = 0.03f;
 
 /// Light samples at a vertex with at least one lobe.
 SKY_HD int light_ray_count(const RenderSettings& settings, int bounce, const Shading& shading) {

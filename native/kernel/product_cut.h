@@ -42,9 +42,13 @@ struct CutView {
 
 /// The cut for one lobe.
 struct ProductCut {
-  float ratio[kLargestCut];     // of each node's probability to that in the tree
-  float fraction[kLargestCut];  // of each split's probability that is its first child's
+  float ratio[kLargestCut];        // of each node's probability to that in the tree
+  uint16_t fraction[kLargestCut];  // of each split's probability that is its first child's, / 65536
 };
+
+SKY_HD float first_fraction(const ProductCut& cut, int32_t split) {
+  return (float)cut.fraction[split] * (1.0f / 65536.0f);
+}
 
 struct ProductView {
   CutView cut;
@@ -73,16 +77,30 @@ SKY_HD float make_product_cut(const CutView& cut, const float* importance, Produ
   const float scale = directed ? (1.0f - kUndirected) / mean : 0.0f;
   const float floor = directed ? kUndirected : 1.0f;
   float sums[kLargestCut];  // of splits
-  for (int32_t i = 0; i < cut.count; ++i) product->ratio[i] = floor + scale * importance[i];
   for (int32_t s = cut.count - 2; s >= 0; --s) {
     float parts[2];
     for (int side = 0; side < 2; ++side) {
       const int32_t child = side ? cut.splits[s].second : cut.splits[s].first;
-      parts[side] =
-          child >= 0 ? sums[child] : cut.nodes[~child].probability * product->ratio[~child];
+      parts[side] = child >= 0
+                        ? sums[child]
+                        : cut.nodes[~child].probability * (floor + scale * importance[~child]);
     }
     sums[s] = parts[0] + parts[1];
-    product->fraction[s] = parts[0] / sums[s];
+    product->fraction[s] = (uint16_t)clampf(parts[0] / sums[s] * 65536.0f + 0.5f, 1.0f, 65535.0f);
+  }
+  // The ratios are those of the rounded fractions.
+  if (cut.count == 1) product->ratio[0] = 1.0f;
+  for (int32_t s = 0; s + 1 < cut.count; ++s) {
+    const float all = s == 0 ? 1.0f : sums[s], first = first_fraction(*product, s);
+    for (int side = 0; side < 2; ++side) {
+      const int32_t child = side ? cut.splits[s].second : cut.splits[s].first;
+      const float part = all * (side ? 1.0f - first : first);
+      if (child >= 0) {
+        sums[child] = part;
+      } else {
+        product->ratio[~child] = part / cut.nodes[~child].probability;
+      }
+    }
   }
   return directed ? mean : 0.0f;
 }
@@ -112,7 +130,7 @@ SKY_HD_RARE ProductPoint product_warp(const ProductView& products, const Product
     const CutSplit split = cut.splits[node];
     float first = 0.0f, both = 0.0f;
     for (int k = 0; k < mix.count; ++k) {
-      first += reach[k] * products.cuts[mix.cut[k]].fraction[node];
+      first += reach[k] * first_fraction(products.cuts[mix.cut[k]], node);
       both += reach[k];
     }
     const float fraction = first / both;
@@ -120,7 +138,7 @@ SKY_HD_RARE ProductPoint product_warp(const ProductView& products, const Product
     const bool second = *x >= fraction;
     *x = second ? (*x - fraction) / (1.0f - fraction) : *x / fraction;
     for (int k = 0; k < mix.count; ++k) {
-      const float part = products.cuts[mix.cut[k]].fraction[node];
+      const float part = first_fraction(products.cuts[mix.cut[k]], node);
       reach[k] *= second ? 1.0f - part : part;
     }
     node = second ? split.second : split.first;

@@ -7,7 +7,7 @@
 
 namespace skytree {
 
-/// The cuts of kernel/product_lobes.h for one tree, 7 MB.
+/// The cuts of kernel/product_lobes.h for one tree, 5.5 MB.
 struct ProductTable {
   std::vector<ProductCut> cuts;
   std::vector<float> means;
