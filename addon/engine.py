@@ -96,6 +96,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             candidates=candidates_of(settings),
             light_rays=settings.light_rays,
             control_variate=settings.control_variate,
+            product_sampling=settings.product_sampling,
             learn_visibility=settings.learn_visibility,
             adaptive_sampling=settings.adaptive_sampling,
         )

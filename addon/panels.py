@@ -91,6 +91,7 @@ class SKYTREE_RENDER_PT_light_paths(_RenderPanel, bpy.types.Panel):
         column.prop(context.scene.skytree, "max_bounces")
         column.prop(context.scene.skytree, "light_rays")
         column.prop(context.scene.skytree, "control_variate")
+        column.prop(context.scene.skytree, "product_sampling")
         column.prop(context.scene.skytree, "learn_visibility")
 
 

@@ -188,6 +188,13 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         description="Only the difference from the unshadowed world's light on diffuse surfaces is sampled, "
         "where pilot paths find that this is less noisy; the picture converges to the same",
     )
+    product_sampling: BoolProperty(
+        update=_changed,
+        name="Product Sampling",
+        default=True,
+        description="On glossy surfaces light samples go where both world and reflection are bright, with "
+        "kd-trees of least variance; the picture converges to the same",
+    )
     learn_visibility: BoolProperty(
         update=_changed,
         name="Learn Visibility",

@@ -25,6 +25,7 @@ FIXED_SETTINGS = {
     "filter_width": 1.5,
     "light_rays": 2,
     "control_variate": True,
+    "product_sampling": True,
     "learn_visibility": True,
     "adaptive_sampling": True,
 }

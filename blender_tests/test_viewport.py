@@ -227,6 +227,7 @@ def test_every_setting_shows_a_new_picture(skytree, viewport):
         "filter_width": 3.0,
         "light_rays": 1,
         "control_variate": False,
+        "product_sampling": False,
         "pixel_filter": "BOX",
         "sampler": "INVERSION",
         "preview_samples": 6,

@@ -52,6 +52,7 @@ class RenderSettings:
     candidates: int = 0  # of a light sample, see RenderSession.start
     light_rays: int = 2
     control_variate: bool = True
+    product_sampling: bool = True
 
     @classmethod
     def of(cls, scene) -> RenderSettings:
@@ -68,11 +69,16 @@ class RenderSettings:
             candidates_of(settings),
             settings.light_rays,
             settings.control_variate,
+            settings.product_sampling,
         )
 
     def estimators(self) -> dict:
         """Arguments of RenderSession.start that are left out where samplers are compared."""
-        return {"light_rays": self.light_rays, "control_variate": self.control_variate}
+        return {
+            "light_rays": self.light_rays,
+            "control_variate": self.control_variate,
+            "product_sampling": self.product_sampling,
+        }
 
     def options(self) -> dict:
         """Arguments of RenderSession.start, but for size, samples, region and estimators."""

@@ -26,9 +26,14 @@ STEPS = [
     ("+ control variate", {**BLOCKS, "compensation": 1.0}, {"control_variate": True}),
     ("+ two light rays", {**BLOCKS, "compensation": 1.0}, {"control_variate": True, "light_rays": 2}),
     (
+        "+ product sampling",
+        {**BLOCKS, "compensation": 1.0},
+        {"control_variate": True, "light_rays": 2, "product_sampling": True},
+    ),
+    (
         "+ learnt visibility",
         {**BLOCKS, "compensation": 1.0},
-        {"control_variate": True, "light_rays": 2, "learn_visibility": True},
+        {"control_variate": True, "light_rays": 2, "product_sampling": True, "learn_visibility": True},
     ),
 ]
 
