@@ -28,8 +28,9 @@ constexpr bool kLearnsVisibility = true;
 
 /// Regions that the unit square is cut into.
 constexpr int kGuideRegions = 512;
-/// Slots; a power of two.
+/// Slots: a power of two. The lowest three bits say which way the surface faces, guide_side.
 constexpr uint32_t kGuideSlots = 1u << 13;
+constexpr uint32_t kGuideSides = 6;
 /// Side of a cell over the power of two below its distance from the eye.
 constexpr float kGuideCellSize = 0.5f;
 
@@ -63,6 +64,14 @@ struct GuideView {
   float cell_size = 0.0f;  // fixed side of a cell; 0: by distance to the eye
 };
 
+/// Which of +x, -x, +y, -y, +z, -z a normal is nearest to.
+SKY_HD uint32_t guide_side(Vec3 normal) {
+  const Vec3 a = {fabsf(normal.x), fabsf(normal.y), fabsf(normal.z)};
+  const bool along_x = a.x >= a.y && a.x >= a.z, along_y = !along_x && a.y >= a.z;
+  const float component = along_x ? normal.x : along_y ? normal.y : normal.z;
+  return (along_x ? 0u : along_y ? 2u : 4u) + (component < 0.0f ? 1u : 0u);
+}
+
 /// Slot of a point on a surface. `normal` faces the side that is seen.
 SKY_HD uint32_t guide_slot(const GuideView& guide, Vec3 position, Vec3 normal) {
   const Vec3 from_eye = position - guide.eye;
@@ -72,16 +81,13 @@ SKY_HD uint32_t guide_slot(const GuideView& guide, Vec3 position, Vec3 normal) {
   const float size =
       guide.cell_size > 0.0f ? guide.cell_size : kGuideCellSize * detail::pow2_int(level);
   const float inv_size = 1.0f / size;
-  const Vec3 a = {fabsf(normal.x), fabsf(normal.y), fabsf(normal.z)};
-  const bool along_x = a.x >= a.y && a.x >= a.z, along_y = !along_x && a.y >= a.z;
-  const float component = along_x ? normal.x : along_y ? normal.y : normal.z;
-  const uint32_t side = (along_x ? 0u : along_y ? 2u : 4u) + (component < 0.0f ? 1u : 0u);
+  const uint32_t side = guide_side(normal);
   uint32_t key = hash_u32(side + 8u * (uint32_t)(guide.cell_size > 0.0f ? 0 : level));
   // Far away a cell's number no longer fits an int: all that is left is one cell.
   key = hash_u32(key + (uint32_t)(int32_t)floorf(clampf(position.x * inv_size, -1e9f, 1e9f)));
   key = hash_u32(key + (uint32_t)(int32_t)floorf(clampf(position.y * inv_size, -1e9f, 1e9f)));
   key = hash_u32(key + (uint32_t)(int32_t)floorf(clampf(position.z * inv_size, -1e9f, 1e9f)));
-  return key & (kGuideSlots - 1);
+  return (key & (kGuideSlots / 8 - 1)) * 8 + side;
 }
 
 SKY_HD float guide_ratio(uint16_t ratio) { return ((float)ratio + 0.5f) * (1.0f / 65536.0f); }

@@ -266,8 +266,9 @@ void RenderSession::start_learning() {
   const bool perspective = spread > 1e-6f * width;
   const Vec3 eye =
       perspective ? camera.near_center - camera.span_center * (width / spread) : camera.near_center;
-  guide_ = std::make_unique<VisibilityGuide>(scene.environment.sampler, eye,
-                                             perspective ? 0.0f : width / 16.0f);
+  guide_ =
+      std::make_unique<VisibilityGuide>(scene.environment.sampler, scene.environment.world_to_env,
+                                        eye, perspective ? 0.0f : width / 16.0f);
   scene.guide = guide_->view();
 }
 

@@ -66,8 +66,8 @@ int middle(const WarpMeasure& measure, const Part& part, int axis) {
 
 }  // namespace
 
-VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, Vec3 eye, float cell_size,
-                                 const GuideConfig& config)
+VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, const Mat3& world_to_env, Vec3 eye,
+                                 float cell_size, const GuideConfig& config)
     : config_(config),
       counters_(static_cast<GuideCounter*>(
           std::calloc(size_t(kGuideSlots) * kGuideRegions, sizeof(GuideCounter)))),
@@ -86,6 +86,7 @@ VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, Vec3 eye, float 
   std::fill(masses_.begin() + kInner, masses_.end(), 1.0);
   set_ratios(kGuideEvenSlot);
   view_.nodes = nodes_.data();
+  measure_open_gains(sampler, world_to_env);
   view_.ratios = ratios_.get();
   view_.densities = densities_.get();
   view_.used = used_.data();
@@ -142,6 +143,36 @@ void VisibilityGuide::cut_square(const EnvSamplerView& sampler) {
   }
 }
 
+/// The same promise as make_ratios finds, for surfaces that face along an axis and see everything.
+void VisibilityGuide::measure_open_gains(const EnvSamplerView& sampler, const Mat3& world_to_env) {
+  std::vector<double> squares(size_t(kGuideSides) * kGuideRegions, 0.0);
+  std::vector<int> counts(kGuideRegions, 0);
+  for (int y = 0; y < kGrid; ++y) {
+    for (int x = 0; x < kGrid; ++x) {
+      const Vec2 point = {(x + 0.5f) / kGrid, (y + 0.5f) / kGrid};
+      const int region = guide_region(view_, point);
+      const Vec3 direction = transpose_mul(
+          world_to_env, sample_environment(sampler, {0.5f, point.x, point.y}).direction);
+      const float axes[kGuideSides] = {direction.x,  -direction.x, direction.y,
+                                       -direction.y, direction.z,  -direction.z};
+      ++counts[region];
+      for (uint32_t side = 0; side < kGuideSides; ++side) {
+        const double cosine = std::max(axes[side], 0.0f);
+        squares[side * kGuideRegions + region] += cosine * cosine;
+      }
+    }
+  }
+  for (uint32_t side = 0; side < kGuideSides; ++side) {
+    double mean_square = 0.0, mean = 0.0;
+    for (int region = 0; region < kGuideRegions; ++region) {
+      const double square = squares[side * kGuideRegions + region] / std::max(counts[region], 1);
+      mean_square += areas_[region] * square;
+      mean += areas_[region] * std::sqrt(square);
+    }
+    open_gains_[side] = mean > 0.0 ? std::max(mean_square / (mean * mean), 1.0) : 1.0;
+  }
+}
+
 double VisibilityGuide::update() {
   uint64_t trials = 0, guided = 0;
   for (uint32_t slot = 0; slot < kGuideSlots; ++slot) {
@@ -186,7 +217,8 @@ bool VisibilityGuide::make_ratios(uint32_t slot) {
     mean_square += areas_[region] * square;
     mean += masses_[kInner + region];
   }
-  if (mean_square < config_.least_gain * mean * mean) return false;
+  const double least_gain = config_.least_gain * open_gains_[slot % 8];
+  if (mean_square < least_gain * mean * mean) return false;
   for (int region = 0; region < kGuideRegions; ++region) {
     double& mass = masses_[kInner + region];
     mass = config_.defensive_share * areas_[region] + (1.0 - config_.defensive_share) * mass / mean;

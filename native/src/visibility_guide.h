@@ -17,8 +17,9 @@ struct GuideConfig {
   /// change inside a cell, and what was never seen must stay possible.
   double defensive_share = 0.2;
   /// A slot is guided where that promises to divide the second moment of its light samples by at
-  /// least this: below, the noise in what was learnt and the stratification that it disturbs cost
-  /// more.
+  /// least this, beyond what knowing which way the surface faces would: below, the noise in what
+  /// was learnt and the stratification that it disturbs cost more. What lies behind the surface
+  /// alone is no reason: there BSDF samples do as well.
   double least_gain = 2.0;
   /// Trials that a slot needs before it is judged.
   uint32_t least_trials = 64;
@@ -31,8 +32,8 @@ class VisibilityGuide {
   /// The unit square is cut into regions of about equal solid angle, so that no dark but wide part
   /// of the map hides a window. `sampler` must have a warp (has_warp). 0 `cell_size`: by distance
   /// to the eye.
-  VisibilityGuide(const EnvSamplerView& sampler, Vec3 eye, float cell_size = 0.0f,
-                  const GuideConfig& config = {});
+  VisibilityGuide(const EnvSamplerView& sampler, const Mat3& world_to_env, Vec3 eye,
+                  float cell_size = 0.0f, const GuideConfig& config = {});
 
   GuideView view() const { return view_; }
   /// While on, vertices send a ray into any region, which only learns.
@@ -53,6 +54,7 @@ class VisibilityGuide {
 
  private:
   void cut_square(const EnvSamplerView& sampler);
+  void measure_open_gains(const EnvSamplerView& sampler, const Mat3& world_to_env);
   bool make_ratios(uint32_t slot);
   void set_ratios(uint32_t slot);
 
@@ -62,7 +64,8 @@ class VisibilityGuide {
     void operator()(void* memory) const { std::free(memory); }
   };
   std::vector<GuideNode> nodes_;
-  std::vector<float> areas_;  // of the regions
+  std::vector<float> areas_;        // of the regions
+  double open_gains_[kGuideSides];  // what guiding promises where nothing is in the way, by side
   // From calloc: pages of slots that nobody meets cost nothing.
   std::unique_ptr<GuideCounter[], Free> counters_;
   std::unique_ptr<uint16_t[], Free> ratios_;

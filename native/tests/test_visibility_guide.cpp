@@ -112,11 +112,14 @@ TEST_P(WarpPoint, IsWhereTheDirectionCameFrom) {
 
 INSTANTIATE_TEST_SUITE_P(Densities, WarpPoint, testing::Bool());
 
-/// A guide that has learnt: the first slot saw light in a tenth of the square only.
+/// A slot of surfaces that face up, where most of the light comes from.
+constexpr uint32_t kSlot = 4, kOtherSlot = 12;
+
+/// A guide that has learnt: kSlot saw light in a tenth of the square only.
 struct Learnt {
   std::vector<float> sky = make_sky(kWidth, kHeight);
   std::shared_ptr<const KdTreeSampler> sampler = make_sampler(sky, true);
-  VisibilityGuide guide{sampler->view(), {0, 0, 0}};
+  VisibilityGuide guide{sampler->view(), identity3(), {0, 0, 0}};
 
   Learnt() {
     std::mt19937 random(2);
@@ -124,7 +127,7 @@ struct Learnt {
     for (int i = 0; i < 20000; ++i) {
       const Vec2 point = {uniform(random), uniform(random)};
       const int32_t region = guide_region(guide.view(), point);
-      guide_commit(guide.view(), guide_record(0, region, 0.7f), point.x < 0.1f);
+      guide_commit(guide.view(), guide_record(kSlot, region, 0.7f), point.x < 0.1f);
     }
     guide.update();
   }
@@ -133,7 +136,7 @@ struct Learnt {
 TEST(VisibilityGuide, DrawsWithTheDensityThatItTells) {
   Learnt learnt;
   const GuideView guide = learnt.guide.view();
-  ASSERT_TRUE(guide.used[0]);
+  ASSERT_TRUE(guide.used[kSlot]);
   std::mt19937 random(3);
   std::uniform_real_distribution<float> uniform;
   constexpr int kSamples = 400000, kCells = 8;
@@ -141,13 +144,13 @@ TEST(VisibilityGuide, DrawsWithTheDensityThatItTells) {
   int other_region = 0;
   double in_lit_part = 0;
   for (int i = 0; i < kSamples; ++i) {
-    const GuidedPoint drawn = guide_warp(guide, 0, {uniform(random), uniform(random)});
+    const GuidedPoint drawn = guide_warp(guide, kSlot, {uniform(random), uniform(random)});
     counted[int(drawn.point.y * kCells)][int(drawn.point.x * kCells)] += 1.0 / kSamples;
     other_region += guide_region(guide, drawn.point) != drawn.region;
     in_lit_part += drawn.point.x < 0.1f;
     const Vec2 even = {uniform(random), uniform(random)};
     expected[int(even.y * kCells)][int(even.x * kCells)] +=
-        double(guide_density(guide, 0, even)) / kSamples;
+        double(guide_density(guide, kSlot, even)) / kSamples;
   }
   for (int y = 0; y < kCells; ++y) {
     for (int x = 0; x < kCells; ++x) {
@@ -163,7 +166,7 @@ TEST(VisibilityGuide, WhatIsHiddenStaysPossible) {
   const GuideView guide = learnt.guide.view();
   float least = 1.0f;
   for (int region = 0; region < kGuideRegions; ++region) {
-    least = std::min(least, guide.densities[region]);
+    least = std::min(least, guide.densities[kSlot * kGuideRegions + region]);
   }
   EXPECT_GT(least, 0.1f);
 }
@@ -175,11 +178,33 @@ TEST(VisibilityGuide, AnOpenPlaceIsLeftAlone) {
   std::uniform_real_distribution<float> uniform;
   for (int i = 0; i < 20000; ++i) {
     const int32_t region = guide_region(guide, {uniform(random), uniform(random)});
-    guide_commit(guide, guide_record(7, region, 0.7f), uniform(random) < 0.8f);
+    guide_commit(guide, guide_record(kOtherSlot, region, 0.7f), uniform(random) < 0.8f);
   }
   learnt.guide.update();
-  EXPECT_FALSE(guide.used[7]);
-  EXPECT_TRUE(guide.used[0]);
+  EXPECT_FALSE(guide.used[kOtherSlot]);
+  EXPECT_TRUE(guide.used[kSlot]);
+}
+
+/// What lies behind a surface is no reason to guide its samples.
+TEST(VisibilityGuide, AnOpenPlaceThatFacesAwayFromTheLightIsLeftAlone) {
+  Learnt learnt;
+  const GuideView guide = learnt.guide.view();
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> uniform;
+  for (uint32_t side = 0; side < kGuideSides; ++side) {
+    const float axis[6][3] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+    for (int i = 0; i < 20000; ++i) {
+      const Vec2 point = {uniform(random), uniform(random)};
+      const Vec3 direction =
+          sample_environment(learnt.sampler->view(), {0.5f, point.x, point.y}).direction;
+      const float cosine = dot({axis[side][0], axis[side][1], axis[side][2]}, direction);
+      const uint32_t record =
+          guide_record(16 + side, guide_region(guide, point), std::max(cosine, 0.0f));
+      guide_commit(guide, record, cosine > 0.0f);
+    }
+  }
+  learnt.guide.update();
+  for (uint32_t side = 0; side < kGuideSides; ++side) EXPECT_FALSE(guide.used[16 + side]) << side;
 }
 
 TEST(VisibilityGuide, StaysWithin64Megabytes) {
