@@ -71,7 +71,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
         started = time.perf_counter()
         self.update_stats("", "Skytree: reading the scene")
         camera = camera_matrices(scene.camera, self, depsgraph, film)
-        sync = SceneSync()
+        sync = SceneSync(flat=True)
         sync.sync(depsgraph)
         sync.set_camera(*camera)
         status.last.update(sync)

@@ -45,7 +45,7 @@ class Renderer:
         self.settings = RenderSettings.of(scene)
         self.film: Film = film_of(scene.render)
         self.tell = tell
-        self.sync = SceneSync()
+        self.sync = SceneSync(flat=True)
         self.sync.sync(depsgraph)
         self.sync.set_camera(*camera_matrices(scene.camera, None, depsgraph, self.film))
         self.session = native.core().RenderSession(self.settings.threads, self.settings.device)

@@ -45,7 +45,7 @@ struct Surface {
   float side;  // -1 where the viewer is behind the surface and both normals were turned over
   Vec2 uv;
   int32_t material;      // -1: none
-  float position_error;  // bound on the rounding of `position`
+  float position_error;  // scale of what rounds where rays leave and meet the surface
 };
 
 SKY_HD Vec3 load3(const float* array, int64_t i) {
@@ -54,6 +54,12 @@ SKY_HD Vec3 load3(const float* array, int64_t i) {
 
 SKY_HD Vec3 interpolate(Vec3 a, Vec3 b, Vec3 c, float u, float v) {
   return a * (1.0f - u - v) + b * u + c * v;
+}
+
+SKY_HD Vec3 abs_components(Vec3 v) { return {fabsf(v.x), fabsf(v.y), fabsf(v.z)}; }
+
+SKY_HD Vec3 max_components(Vec3 a, Vec3 b) {
+  return {maxf(a.x, b.x), maxf(a.y, b.y), maxf(a.z, b.z)};
 }
 
 SKY_HD float max_abs_component(Vec3 v) { return maxf(fabsf(v.x), maxf(fabsf(v.y), fabsf(v.z))); }
@@ -68,6 +74,11 @@ SKY_HD Vec3 normalize_or(Vec3 v, Vec3 fallback) {
 SKY_HD int64_t corner_index(const MeshView& mesh, int32_t triangle, int k) {
   const int64_t i = 3 * static_cast<int64_t>(triangle) + k;
   return mesh.corners ? mesh.corners[i] : i;
+}
+
+/// A point of an instance's mesh in world space.
+SKY_HD Vec3 place(const InstanceView& instance, Vec3 local) {
+  return instance.linear * local + instance.translation;
 }
 
 /// The tangent that anisotropy is measured from. Without tangents of its own a mesh gets circles
@@ -132,7 +143,7 @@ SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
   // From the barycentric coordinates and not from the ray: a distance along a long ray rounds far
   // more coarsely.
   const Vec3 local = interpolate(p0, p1, p2, hit.u, hit.v);
-  surface.position = instance.linear * local + instance.translation;
+  surface.position = place(instance, local);
   surface.position_error =
       max_abs_component(surface.position) + max_abs_component(instance.translation) +
       max_abs_component(local) * max_abs_component({max_abs_component(instance.linear.row[0]),
@@ -144,6 +155,14 @@ SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
   Vec3 geometric = normalize_or(instance.normal * cross(p1 - p0, p2 - p0), view);
   const float side = dot(geometric, view) < 0.0f ? -1.0f : 1.0f;
   geometric = geometric * side;
+  // Large triangles: as coarsely as its vertices round, so does the plane through them, also where
+  // it passes near the origin.
+  const Vec3 extent =
+      max_components(abs_components(p0), max_components(abs_components(p1), abs_components(p2)));
+  const Vec3 reach = {dot(abs_components(instance.linear.row[0]), extent),
+                      dot(abs_components(instance.linear.row[1]), extent),
+                      dot(abs_components(instance.linear.row[2]), extent)};
+  surface.position_error += dot(abs_components(geometric), reach);
   Vec3 normal = geometric;
   if (mesh.corner_normals) {
     const Vec3 shading =

@@ -382,8 +382,14 @@ What a RenderSession renders: meshes, their instances, materials, textures, one 
 
 Only what changed is built again. While a session renders the scene every change raises RuntimeError; an unknown id
 or an array of the wrong shape raises ValueError. Geometry that cannot be rendered (triangles with an index out of
-range, a vertex that is not finite or no area; singular matrices) is left out and named in `warnings`.)")
-      .def(py::init<>())
+range, a vertex that is not finite or no area; singular matrices) is left out and named in `warnings`.
+
+`flat`: for a scene that is not going to be edited. One ray-tracing tree holds all triangles in world space, where copies
+of meshes stay few: rays cost less, a moved object more. Hits may be rounded differently.)")
+      .def(py::init([](bool flat) {
+             return std::make_shared<Scene>(flat ? TreeKind::kFlat : TreeKind::kInstanced);
+           }),
+           py::kw_only(), "flat"_a = false)
       .def(
           "add_mesh",
           [mesh_arrays](Scene& scene, FloatArray positions, IntArray triangles,

@@ -7,6 +7,13 @@
 namespace skytree {
 namespace {
 
+/// Embree reads 16 bytes at each vertex: a shared buffer must be readable 4 bytes beyond its last.
+std::vector<float> vertex_array(size_t vertex_count) {
+  std::vector<float> array;
+  array.reserve(3 * vertex_count + 1);
+  return array;
+}
+
 // Of a sum: a single test for the whole vector, and a NaN or an infinity in any component survives
 // addition.
 bool is_finite3(const float* p) {
@@ -41,10 +48,8 @@ std::vector<T> copy_array(const T* data, size_t count) {
 
 }  // namespace
 
-Mesh::Mesh(const MeshInput& input) : name_(input.name) {
-  // Embree reads 16 bytes at each vertex: a shared buffer must be readable 4 bytes beyond its last
-  // vertex.
-  positions_.reserve(3 * input.vertex_count + 1);
+Mesh::Mesh(const MeshInput& input)
+    : name_(input.name), positions_(vertex_array(input.vertex_count)) {
   positions_.assign(input.positions, input.positions + 3 * input.vertex_count);
   const bool has_corner_data = input.corner_normals || input.corner_uvs || input.corner_tangents;
   auto in_range = [](const int32_t* index, size_t count) {
@@ -147,17 +152,35 @@ bool Mesh::build(const std::atomic<bool>& cancel) {
   if (tree_ || empty()) return true;
   const EmbreeApi& api = embree();
   EmbreeScene tree = new_embree_scene();
-  EmbreeGeometry geometry(api.NewGeometry(api.device, RTC_GEOMETRY_TYPE_TRIANGLE));
-  api.SetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                              positions_.data(), 0, 3 * sizeof(float), positions_.size() / 3);
-  api.SetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                              triangles_.data(), 0, 3 * sizeof(int32_t), triangles_.size() / 3);
-  api.CommitGeometry(geometry.get());
-  api.AttachGeometryByID(tree.get(), geometry.get(), 0);
-  check_embree(("mesh \"" + name_ + "\"").c_str());
+  api.AttachGeometryByID(tree.get(), new_geometry({}).get(), 0);
   if (!commit_embree_scene(tree.get(), cancel)) return false;
   tree_ = std::move(tree);
   return true;
+}
+
+std::vector<float> Mesh::placed(const InstanceView& instance) const {
+  std::vector<float> placed = vertex_array(vertex_count());
+  placed.resize(positions_.size());
+  for (size_t i = 0; i + 2 < positions_.size(); i += 3) {
+    const Vec3 p = place(instance, {positions_[i], positions_[i + 1], positions_[i + 2]});
+    placed[i] = p.x;
+    placed[i + 1] = p.y;
+    placed[i + 2] = p.z;
+  }
+  return placed;
+}
+
+EmbreeGeometry Mesh::new_geometry(const std::vector<float>& placed) const {
+  const EmbreeApi& api = embree();
+  EmbreeGeometry geometry(api.NewGeometry(api.device, RTC_GEOMETRY_TYPE_TRIANGLE));
+  api.SetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                              placed.empty() ? positions_.data() : placed.data(), 0,
+                              3 * sizeof(float), vertex_count());
+  api.SetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                              triangles_.data(), 0, 3 * sizeof(int32_t), triangle_count());
+  api.CommitGeometry(geometry.get());
+  check_embree(("mesh \"" + name_ + "\"").c_str());
+  return geometry;
 }
 
 }  // namespace skytree

@@ -47,6 +47,12 @@ class Mesh {
   bool build(const std::atomic<bool>& cancel);
   RTCScene tree() const { return tree_.get(); }
 
+  /// The vertices in world space, by the arithmetic of make_surface; for new_geometry.
+  std::vector<float> placed(const InstanceView& instance) const;
+  /// The triangles as part of a tree. Borrows this mesh's arrays, and `placed` in place of its
+  /// vertices unless that is empty. Throws std::runtime_error.
+  EmbreeGeometry new_geometry(const std::vector<float>& placed) const;
+
  private:
   const uint64_t serial_ = next_serial();
   std::string name_, warning_;

@@ -248,6 +248,9 @@ SceneStats Scene::stats() const {
   for (const auto& [id, texture] : textures_) stats.nbytes += sizeof(float) * texture.texels.size();
   for (const auto& [id, brdf] : brdfs_)
     stats.nbytes += brdf->table().nbytes() + brdf->tree().nbytes();
+  for (const auto& [id, instance] : instances_) {
+    stats.nbytes += sizeof(float) * instance.placed.size();
+  }
   stats.instances = instances_.size();
   return stats;
 }

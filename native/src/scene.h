@@ -47,11 +47,20 @@ struct SceneStats {
   size_t triangles = 0, instances = 0, nbytes = 0;
 };
 
+/// How the ray-tracing trees hold the objects of a scene.
+enum class TreeKind {
+  kInstanced,  // a tree for each mesh, and one over their instances: what moves costs little
+  kFlat,       // one tree over all triangles, where copies stay few: rays cost less
+};
+
 /// Every setter throws std::runtime_error while a session renders the scene, std::invalid_argument
 /// for an unknown id. Geometry that cannot be rendered does not throw: it is left out and named in
 /// warnings().
 class Scene {
  public:
+  /// The kind changes costs alone, and how hits are rounded.
+  explicit Scene(TreeKind kind = TreeKind::kInstanced) : tree_kind_(kind) {}
+
   int add_mesh(const MeshInput& input);
   void set_mesh(int mesh, const MeshInput& input);
   void remove_mesh(int mesh);
@@ -101,6 +110,8 @@ class Scene {
     std::vector<int> materials;
     bool changed = true;
     bool usable = false;
+    bool flat = false;          // geometry holds triangles in world space
+    std::vector<float> placed;  // their vertices; empty where they are the mesh's own
     EmbreeGeometry geometry;
   };
   struct Material {
@@ -117,9 +128,12 @@ class Scene {
   bool is_usable(const Instance& instance) const;
   void measure_environment();
   bool build_trees(const std::atomic<bool>& cancel);
+  std::map<int, bool> choose_flat() const;
+  void make_geometry(bool flat, Instance* instance) const;
   void fill_tables();
   void place_instances();
 
+  const TreeKind tree_kind_;
   std::map<int, std::unique_ptr<Mesh>> meshes_;
   std::map<int, Instance> instances_;
   std::map<int, Material> materials_;

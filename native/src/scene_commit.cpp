@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From the parts of a scene to ray-tracing trees and the flat tables that the kernel reads.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
@@ -33,6 +34,17 @@ InstanceView make_instance_view(const Matrix4& m) {
                       (m[0] * m[5] - m[1] * m[4]) / d)}};
   return view;
 }
+
+bool is_identity(const InstanceView& view) {
+  float difference = max_abs_component(view.translation);
+  for (int i = 0; i < 3; ++i) {
+    difference += max_abs_component(view.linear.row[i] - identity3().row[i]);
+  }
+  return difference == 0.0f;
+}
+
+/// Triangles that a flat tree may hold more often than the meshes do: 40 MB, half a second's build.
+constexpr size_t kMostCopies = 1 << 19;
 
 }  // namespace
 
@@ -71,31 +83,68 @@ bool Scene::commit(const std::atomic<bool>& cancel, bool trees) {
   return !trees || trees_committed_;
 }
 
+/// Whether the instances of each mesh that has any go into one tree as triangles. Those whose
+/// copies need least memory come first, until kMostCopies is reached.
+std::map<int, bool> Scene::choose_flat() const {
+  std::map<int, size_t> uses;
+  for (const auto& [id, instance] : instances_) {
+    if (is_usable(instance)) ++uses[instance.mesh];
+  }
+  std::vector<std::pair<size_t, int>> order;  // copied triangles, mesh
+  for (const auto& [mesh, count] : uses) {
+    order.push_back({(count - 1) * meshes_.at(mesh)->triangle_count(), mesh});
+  }
+  std::sort(order.begin(), order.end());
+  std::map<int, bool> flat;
+  size_t copies = 0;
+  for (const auto& [more, mesh] : order) {
+    copies += more;
+    flat[mesh] = tree_kind_ == TreeKind::kFlat && copies <= kMostCopies;
+  }
+  return flat;
+}
+
+void Scene::make_geometry(bool flat, Instance* instance) const {
+  const EmbreeApi& api = embree();
+  const Mesh& mesh = *meshes_.at(instance->mesh);
+  if (flat) {
+    const InstanceView view = make_instance_view(instance->matrix);
+    if (!is_identity(view)) instance->placed = mesh.placed(view);
+    instance->geometry = mesh.new_geometry(instance->placed);
+    return;
+  }
+  instance->geometry.reset(api.NewGeometry(api.device, RTC_GEOMETRY_TYPE_INSTANCE));
+  api.SetGeometryInstancedScene(instance->geometry.get(), mesh.tree());
+  float matrix[12];
+  for (int i = 0; i < 12; ++i) matrix[i] = float(instance->matrix[i]);
+  api.SetGeometryTransform(instance->geometry.get(), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, matrix);
+  api.CommitGeometry(instance->geometry.get());
+}
+
 bool Scene::build_trees(const std::atomic<bool>& cancel) {
   const EmbreeApi& api = embree();
-  for (auto& [id, mesh] : meshes_) {
-    if (mesh->tree() || mesh->empty()) continue;
-    if (!mesh->build(cancel)) return false;
+  const std::map<int, bool> flat = choose_flat();
+  for (const auto& [id, is_flat] : flat) {
+    Mesh& mesh = *meshes_.at(id);
+    if (is_flat || mesh.tree()) continue;
+    if (!mesh.build(cancel)) return false;
     ++stats_.meshes_built;
   }
 
-  bool moved = false;
   for (auto& [id, instance] : instances_) {
-    if (!instance.changed) continue;
     const bool usable = is_usable(instance);
-    moved = true;
-    instance.usable = usable;
-    instance.changed = false;
+    const bool is_flat = usable && flat.at(instance.mesh);
+    if (!instance.changed && is_flat == instance.flat) continue;
+    if (cancel) return false;
+    top_level_changed_ = true;
     instance.geometry.reset();
-    if (!usable) continue;
-    instance.geometry.reset(api.NewGeometry(api.device, RTC_GEOMETRY_TYPE_INSTANCE));
-    api.SetGeometryInstancedScene(instance.geometry.get(), meshes_.at(instance.mesh)->tree());
-    float matrix[12];
-    for (int i = 0; i < 12; ++i) matrix[i] = float(instance.matrix[i]);
-    api.SetGeometryTransform(instance.geometry.get(), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, matrix);
-    api.CommitGeometry(instance.geometry.get());
+    instance.placed = {};
+    if (usable) make_geometry(is_flat, &instance);
+    instance.usable = usable;
+    instance.flat = is_flat;
+    instance.changed = false;
   }
-  if (moved || top_level_changed_ || !top_level_) {
+  if (top_level_changed_ || !top_level_) {
     // Attached anew each time: it costs microseconds an instance, and a half-built tree after a
     // cancelled commit never stays behind.
     top_level_changed_ = true;

@@ -77,7 +77,12 @@ static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hi
     intersect(job, valid, &context, &packet);
     for (int lane = 0; lane < kLanes && first + lane < count; ++lane) {
       const bool hit = packet.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID;
-      hits[first + lane] = {hit ? static_cast<int32_t>(packet.hit.instID[0][lane]) : -1,
+      // Geometries at the top level are numbered as instances are: some are instances, some the
+      // triangles of one (TreeKind).
+      const uint32_t through = packet.hit.instID[0][lane];
+      const uint32_t instance =
+          through != RTC_INVALID_GEOMETRY_ID ? through : packet.hit.geomID[lane];
+      hits[first + lane] = {hit ? static_cast<int32_t>(instance) : -1,
                             static_cast<int32_t>(packet.hit.primID[lane]), packet.hit.u[lane],
                             packet.hit.v[lane], packet.ray.tfar[lane]};
     }

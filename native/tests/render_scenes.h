@@ -135,8 +135,9 @@ inline Closure glossy(float color, float roughness, float anisotropy = 0.0f) {
 }
 
 /// Ground and three spheres: diffuse, sharp metal, rough metal.
-inline std::shared_ptr<Scene> make_spheres_scene(double aspect) {
-  auto scene = std::make_shared<Scene>();
+inline std::shared_ptr<Scene> make_spheres_scene(double aspect,
+                                                 TreeKind kind = TreeKind::kInstanced) {
+  auto scene = std::make_shared<Scene>(kind);
   const int materials[3] = {scene->add_material({diffuse(0.8f)}, "white"),
                             scene->add_material({glossy(0.9f, 0.2f)}, "metal"),
                             scene->add_material({glossy(0.7f, 0.5f)}, "rough")};

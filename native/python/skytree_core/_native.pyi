@@ -230,7 +230,7 @@ class BrdfKdTree:
 Closure = Mapping[str, Any]
 
 class Scene:
-    def __init__(self) -> None: ...
+    def __init__(self, *, flat: bool = False) -> None: ...
     def add_mesh(
         self,
         positions: ArrayLike,

@@ -14,8 +14,8 @@ SQUARE = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], np.float32)
 TWO_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
-def make_scene(closures=({"type": "DIFFUSE", "color": (0.5, 0.5, 0.5)},), **mesh_arrays):
-    scene = skytree_core.Scene()
+def make_scene(closures=({"type": "DIFFUSE", "color": (0.5, 0.5, 0.5)},), flat=False, **mesh_arrays):
+    scene = skytree_core.Scene(flat=flat)
     material = scene.add_material(list(closures), name="floor")
     mesh = scene.add_mesh(SQUARE, TWO_TRIANGLES, name="Floor", **mesh_arrays)
     scene.add_instance(mesh, np.eye(4), [material])
@@ -168,3 +168,10 @@ def test_changes_of_a_light_rebuild_nothing():
         render(scene, samples=1)
     assert scene.stats["meshes_built"] == before["meshes_built"] == 1
     assert scene.stats["top_level_built"] == before["top_level_built"] == 1
+
+
+def test_flat_scene_needs_no_trees_of_meshes():
+    scene = make_scene(flat=True)
+    np.testing.assert_allclose(render(scene, max_bounces=0)[..., :3].mean(), 0.5, rtol=1e-3)
+    assert scene.stats["meshes_built"] == 0
+    assert scene.stats["top_level_built"] == 1
