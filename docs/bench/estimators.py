@@ -35,6 +35,17 @@ STEPS = [
         {**BLOCKS, "compensation": 1.0},
         {"control_variate": True, "light_rays": 2, "product_sampling": True, "learn_visibility": True},
     ),
+    (
+        "+ adaptive sampling",
+        {**BLOCKS, "compensation": 1.0},
+        {
+            "control_variate": True,
+            "light_rays": 2,
+            "product_sampling": True,
+            "learn_visibility": True,
+            "adaptive_sampling": True,
+        },
+    ),
 ]
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 WIDTH, HEIGHT = 128, 96
 SAMPLES = (1, 4, 16, 64)  # squares, so that multijittered points are whole grids
@@ -33,15 +33,18 @@ class Case:
 
 @dataclass(frozen=True)
 class Method:
-    """engine: SKYTREE, CYCLES or MITSUBA; preset: of Skytree's render settings; sampler: Mitsuba's."""
+    """engine: SKYTREE, CYCLES or MITSUBA; preset: of Skytree's render settings, and settings over it;
+    sampler: Mitsuba's."""
 
     engine: str
     preset: str = ""
     sampler: str = ""
+    settings: dict = field(default_factory=dict)
 
 
 METHODS = {
     "Skytree, best": Method("SKYTREE", preset="BEST"),
+    "Skytree, best, even": Method("SKYTREE", preset="BEST", settings={"adaptive_sampling": False}),
     "Skytree, paper": Method("SKYTREE", preset="PAPER"),
     "Cycles": Method("CYCLES"),
     "Mitsuba, independent": Method("MITSUBA", sampler="independent"),

@@ -15,6 +15,7 @@ from matplotlib.ticker import NullFormatter
 
 STYLES = {
     "Skytree, best": {"color": "#d1495b", "marker": "o", "linewidth": 2.2, "zorder": 5},
+    "Skytree, best, even": {"color": "#d1495b", "marker": "o", "linestyle": "--", "linewidth": 1},
     "Skytree, paper": {"color": "#edae49", "marker": "o"},
     "Cycles": {"color": "#00798c", "marker": "s"},
     "Mitsuba, independent": {"color": "#9aa5b1", "marker": "^"},
@@ -63,7 +64,7 @@ def error_figure(results: list[Result]):
     for axis in axes[:, 0]:
         axis.set_ylabel("nRMSE_tc")
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncol=3 if columns < 3 else 5, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncol=3 if columns < 3 else 6, frameon=False)
     return figure
 
 

@@ -31,7 +31,7 @@ from peers import BLENDER, REPORTS, ROOT, open_blender  # noqa: E402
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
-BEST, PAPER = "Skytree, best", "Skytree, paper"
+BEST, PAPER = "Skytree, best, even", "Skytree, paper"  # viewports do not sample adaptively
 BLUE = {"blue_noise": True}
 PREVIEW_FILTER = {"pixel_filter": "BLACKMAN_HARRIS", "filter_width": 1.5}
 # Name: method, settings over it. The pixel filter decides which reference it is held against.

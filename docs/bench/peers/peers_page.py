@@ -22,11 +22,15 @@ def section(results: list[Result], versions: dict[str, str], pictures: str) -> s
         [
             "## Against Cycles and Mitsuba\n",
             f"Written by `./build_addon.py bench --peers`: {len(results)} cases, {WIDTH}×{HEIGHT} pixels, "
-            "box filter of one pixel, no denoiser, no clamping, no adaptive sampling, on "
+            "box filter of one pixel, no denoiser, no clamping, on "
             f"{machine()}. {versions['CYCLES']} and Skytree render inside Blender as F12 does; "
             f"{versions['MITSUBA']} renders the same triangles, camera and map, exported from there. "
             f"Maps, which come with Blender: {maps}.\n",
             listed + "\n",
+            "Best mode shares out three quarters of its samples by where the first quarter found noise, "
+            "from 16 samples on, which keeps every pixel unbiased (docs/rendering.md); *even* is best mode "
+            "without that. Cycles renders without its adaptive sampling, which stops pixels by their own "
+            "samples; Mitsuba has none.\n",
             f"Each renderer is judged against its own reference ({reference_words()}); the reference's own "
             "error is subtracted; the worst 0.1 % of an image's pixels are left out, and the 0.1 % in which "
             "the reference is least certain (nRMSE_tc and relMSE_tc, `skytree_core.metrics`). "

@@ -63,7 +63,8 @@ class Renderers:
             return np.load(file), told["cpu_seconds"]
         file = self.scratch / "image.exr"
         how = {"engine": chosen.engine, "preset": chosen.preset, "bounces": case.bounces, "exr": str(file)}
-        how["settings"] = (self.overrides if chosen.preset == "BEST" else {}) | (settings or {})
+        overrides = self.overrides if chosen.preset == "BEST" else {}
+        how["settings"] = overrides | chosen.settings | (settings or {})
         told = self.blender.order(**order, **how)
         return skytree_core.read_image(str(file)), told["cpu_seconds"]
 
