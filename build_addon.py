@@ -30,6 +30,7 @@ from skytree_build.environments import (
     find_python,
     mitsuba_module,
 )
+from skytree_build.gpu_check import pack_gpu_check
 from skytree_build.packaging import DIST, build_wheel, megabytes, package
 from skytree_build.steps import ROOT, BuildError, relative
 from skytree_build.testing import TEST_PARTS, run_tests
@@ -117,6 +118,11 @@ def command_bench(options: argparse.Namespace) -> str:
     )
 
 
+def command_gpu_check(_: argparse.Namespace) -> str:
+    archive = pack_gpu_check()
+    return f"Made {relative(archive)} ({megabytes(archive)}); check.sh in it runs on a machine with a GPU."
+
+
 def command_figures(options: argparse.Namespace) -> str:
     build_wheel()
     command = [environment("venv", "tools", "3.11"), ROOT / "docs" / "make_figures" / "make_figures.py"]
@@ -132,6 +138,7 @@ COMMANDS = {
     "package": (command_package, "make the zip that Blender installs"),
     "bench": (command_bench, "measure the samplers, CUDA kernels, and renders against Cycles"),
     "compare": (command_compare, "compare two ways of sampling on a .blend file and write a report"),
+    "gpu-check": (command_gpu_check, "pack the CUDA tests and benchmarks for another machine's GPU"),
     "figures": (command_figures, "make the paper's figures, docs/results.md and docs/tutorial.md"),
 }
 

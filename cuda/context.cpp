@@ -162,6 +162,10 @@ void Buffer::upload(const void* data, size_t bytes) {
   if (bytes == 0) return;
   const ContextScope scope(*context_);
   check(driver().copy_to_device(pointer_, data, bytes), "Copying to the GPU (cuMemcpyHtoD)");
+  // From pageable memory that returns when the data has left it, which is before they have arrived,
+  // and our streams do not wait for the default stream, in which they travel.
+  check(driver().stream_synchronize(nullptr),
+        "Waiting for a copy to the GPU (cuStreamSynchronize)");
   context_->uploaded_bytes_ += bytes;
 }
 
@@ -200,7 +204,8 @@ void Stream::synchronize() const {
 
 Event::Event(ContextPointer context) : context_(std::move(context)) {
   const ContextScope scope(*context_);
-  check(driver().event_create(&handle_, kEventDisableTiming), "Making an event (cuEventCreate)");
+  check(driver().event_create(&handle_, kEventBlockingSync | kEventDisableTiming),
+        "Making an event (cuEventCreate)");
 }
 
 Event::~Event() {

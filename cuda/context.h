@@ -107,6 +107,7 @@ class Buffer {
 
   DevicePointer pointer() const { return pointer_; }
   size_t bytes() const { return bytes_; }
+  /// Copies, and waits until the data are there: any stream may use them after that.
   void upload(const void* data, size_t bytes);
   void download(void* data, size_t bytes) const;
 

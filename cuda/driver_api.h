@@ -45,7 +45,9 @@ enum DeviceAttribute : int {
 enum JitOption : int { kJitErrorLogBuffer = 5, kJitErrorLogBufferSizeBytes = 6 };
 constexpr unsigned kStreamNonBlocking = 1;
 constexpr unsigned kEventDisableTiming = 2;
-constexpr unsigned kContextBlockingSync = 4;  // a waiting thread sleeps: the cores stay Blender's
+// A waiting thread sleeps: the cores stay Blender's. A context's flag covers its streams alone.
+constexpr unsigned kEventBlockingSync = 1;
+constexpr unsigned kContextBlockingSync = 4;
 
 // X(member, exported symbol, parameters). The plain names of functions that have a _v2 are CUDA
 // 2's, with 32-bit pointers; they still exist in the library and would be called without a warning.

@@ -67,6 +67,7 @@ void GpuState::reserve_film(size_t pixels) {
   images_.clear();
   film_ = Buffer(context_, bytes);
   snapshot_ = Buffer(context_, kHeader + sizeof(Rgba) * pixels);
+  clear(*context_, snapshot_, compute_);  // the header's padding is copied, too
 }
 
 /// Page-locked memory that nobody looks at. Allocating it takes milliseconds, so a few are kept.

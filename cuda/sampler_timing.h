@@ -9,13 +9,13 @@
 namespace skytree::cuda {
 
 struct SamplerTiming {
-  std::vector<double> seconds;  // wall clock of each launch
+  std::vector<double> seconds;  // of one launch, mean of a few without a wait, by the wall's clock
   std::vector<float> sums;      // what draw_samples returned, by thread
 };
 
-/// Launches draw_samples on GPU `ordinal`: `threads` threads, `samples` directions each, once to
-/// warm up and `launches` times by the clock. Throws Error.
+/// Times draw_samples on GPU `ordinal`: `threads` threads, `samples` directions each, once to warm
+/// up and `repetitions` times by the clock. Throws Error.
 SamplerTiming time_sampler(int ordinal, const EnvSamplerView& sampler, uint32_t threads,
-                           uint32_t samples, int launches);
+                           uint32_t samples, int repetitions);
 
 }  // namespace skytree::cuda

@@ -21,6 +21,8 @@ BLENDER_TESTS = ROOT / "blender_tests"
 # Debian's Blender looks for packages beside the first python3 on PATH; pyenv's has no numpy.
 DEBIAN_FIRST = {"PATH": f"/usr/bin:{os.environ.get('PATH', '')}"}
 MOST_REASON_LINES = 120
+# What NVIDIA's checkers see: single kernels, and images with all options, of two views at a time.
+SANITIZED = "CudaTest.SamplersAnd*:CudaTest.OptionsReachTheDevice:CudaTest.TwoViews*"
 IN_BLENDER = (BLENDER_TESTS, f"--ignore={BLENDER_TESTS / 'window'}")
 
 
@@ -121,9 +123,8 @@ def compute_sanitizer() -> Outcome:
         reason = "there is no GPU" if program else "it is not on PATH"
         return Outcome(skipped=1, closing=[f"[ SKIPPED ] NVIDIA's compute-sanitizer: {reason}"])
     outcome, tests = Outcome(), BUILD / "native-test" / "native" / "skytree_tests"
-    few = "--gtest_filter=CudaTest.SamplersAnd*:CudaTest.OptionsReachTheDevice:CudaTest.TwoViews*"
-    for tool in ("memcheck", "racecheck", "initcheck"):
-        command = [program, "--tool", tool, "--error-exitcode", "9", tests, few]
+    for tool in ("memcheck", "racecheck", "initcheck", "synccheck"):
+        command = [program, "--tool", tool, "--error-exitcode", "9", tests, f"--gtest_filter={SANITIZED}"]
         finished = run(f"Run compute-sanitizer {tool}", command, check=False)
         outcome.passed += not finished.returncode
         outcome.failed += bool(finished.returncode)

@@ -2,6 +2,8 @@
 """The kernels' registers stay in registers: what docs/cuda.md says about spills, by the compiler."""
 
 import importlib.util
+import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -49,3 +51,18 @@ def test_only_the_renderer_spills_and_little(compiled):
 
 def test_four_blocks_of_the_renderer_fit_on_a_multiprocessor(compiled):
     assert compiled["render_pass"].warps(86) >= 16
+
+
+def test_arithmetic_is_the_hosts(kernels, tmp_path):
+    """The emulator computes approximate instructions better than a GPU does, so no test that runs on it would
+    notice one; nor what ptxas makes of a multiplication and an addition that may be contracted."""
+    nvcc = cuda_compiler()
+    if not nvcc:
+        pytest.skip("no nvcc on this machine, and none to be had from PyPI")
+    ptx = tmp_path / "kernels.ptx"
+    command = [nvcc, *kernels.FLAGS, "-arch=compute_75", "-ptx", "-o", ptx, kernels.SOURCES[0]]
+    subprocess.run(command, check=True)
+    operations = set(re.findall(r"^\s*(?:@!?%p\d+ )?([a-z]\w*(?:\.\w+)*)", ptx.read_text(), re.MULTILINE))
+    assert {"mul.rn.f32", "add.rn.f32", "div.rn.f32", "sqrt.rn.f32"} <= operations
+    inexact = re.compile(r"\.(approx|full|ftz)\b|^(fma|mad)\b.*\.f(32|64)$|^(add|sub|mul)\.f(32|64)$")
+    assert [operation for operation in sorted(operations) if inexact.search(operation)] == []

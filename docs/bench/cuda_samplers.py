@@ -43,7 +43,7 @@ METHODS = {
 WIDTHS = (1024, 2048, 4096)
 SAMPLES_PER_PIXEL = (1, 4, 16, 64)  # 16: the paper's Figure 4
 FRAME_SIZE = 512
-TIMED_THREADS, TIMED_SAMPLES = 1 << 20, 64  # of one launch of the microbenchmark
+TIMED_THREADS, TIMED_SAMPLES = 1 << 20, 256  # of one launch of the microbenchmark
 
 
 @dataclass(frozen=True)
@@ -194,9 +194,17 @@ def read_maps(files: list[Path]) -> dict[str, np.ndarray]:
     return maps
 
 
-def write_csv(rows: list[Row]):
-    REPORT.parent.mkdir(parents=True, exist_ok=True)
-    with REPORT.open("w", newline="") as file:
+def read_csv(file: Path) -> list[Row]:
+    with file.open(newline="") as lines:
+        return [
+            Row(r["map"], r["method"], int(r["samples_per_pixel"]), r["quantity"], float(r["value"]))
+            for r in csv.DictReader(lines)
+        ]
+
+
+def write_csv(rows: list[Row], report: Path):
+    report.parent.mkdir(parents=True, exist_ok=True)
+    with report.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow([field.name for field in fields(Row)])
         writer.writerows(astuple(row) for row in rows)
@@ -208,11 +216,19 @@ def main():
     parser.add_argument("--map", type=Path, nargs="*", default=[], help="more maps than the synthetic ones")
     parser.add_argument("--nvcc", default=shutil.which("nvcc"), help="CUDA's compiler (default: on PATH)")
     parser.add_argument("--page", type=Path, default=PAGE, help="the page to write")
+    parser.add_argument("--csv", type=Path, default=REPORT, help="the table to write")
+    parser.add_argument("--times", type=Path, help="take the times from such a table of another machine …")
+    parser.add_argument("--gpu", help="… and this name of its GPU")
     arguments = parser.parse_args()
+    if bool(arguments.times) != bool(arguments.gpu):
+        parser.error("--times and --gpu belong together")
     maps = read_maps(arguments.map)
     gpu, reason = gpu_and_reason()
-    rows = []
-    if gpu:
+    rows, name = [], gpu.name if gpu else None
+    if arguments.times:
+        rows += [row for row in read_csv(arguments.times) if row.quantity in cuda_samplers_page.TIMES]
+        name = arguments.gpu
+    elif gpu:
         print(f"Times on {gpu.name}:", flush=True)
         rows += times(gpu, maps) + frames(gpu, maps)
     else:
@@ -221,8 +237,8 @@ def main():
         rows += counts(arguments.nvcc, arguments.samples, maps)
     else:
         print("nvcc, which counting needs, was not found.", flush=True)
-    write_csv(rows)
-    page = cuda_samplers_page.page(rows, gpu.name if gpu else None, reason, arguments.samples)
+    write_csv(rows, arguments.csv)
+    page = cuda_samplers_page.page(rows, name, reason, arguments.samples)
     arguments.page.write_text(page)
     print(f"\n{page}")
 

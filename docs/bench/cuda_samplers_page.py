@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from benchmarks_page import table
 
+TIMES = ("ns per direction", "frames per second")
 COUNTS = ("instructions", "loads", "32-byte sectors", "table bytes")
 
 
@@ -23,7 +24,8 @@ def page(rows: list, gpu: str | None, reason: str | None, samples: int) -> str:
             f"({reason.rstrip('.')}). On one that has, the command adds nanoseconds per direction and frames "
             "per second, the paper's Figures 4 and 5.\n"
         )
-    parts.append(count_section(rows, samples))
+    if any(row.quantity in COUNTS for row in rows):  # else there was no nvcc
+        parts.append(count_section(rows, samples))
     return "\n".join(parts)
 
 
@@ -32,8 +34,8 @@ def time_section(rows: list, gpu: str) -> str:
     return (
         f"## Time of one direction on {gpu}\n\n"
         "Nanoseconds per direction of a kernel (`draw_directions`) that makes the random numbers and draws, "
-        "median of nine launches of 2²⁶ directions; `uniform` tells what the random numbers take.\n\n"
-        + grid(chosen, lambda row: row.map, "{:.4f}")
+        "median of nine times four launches of 2²⁸ directions; `uniform` tells what the random numbers "
+        "take.\n\n" + grid(chosen, lambda row: row.map, "{:.4f}")
     )
 
 

@@ -62,6 +62,7 @@ TEST(CudaDriverApi, DeclarationsAgreeWithCudaH) {
   static_assert(int(kJitErrorLogBufferSizeBytes) == CU_JIT_ERROR_LOG_BUFFER_SIZE_BYTES);
   static_assert(kStreamNonBlocking == CU_STREAM_NON_BLOCKING);
   static_assert(kEventDisableTiming == CU_EVENT_DISABLE_TIMING);
+  static_assert(kEventBlockingSync == CU_EVENT_BLOCKING_SYNC);
   static_assert(kContextBlockingSync == CU_CTX_SCHED_BLOCKING_SYNC);
 }
 

@@ -3,6 +3,7 @@
 // nothing stays behind, and the next render on the GPU works again.
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <set>
 #include <thread>
@@ -72,6 +73,43 @@ class TemporaryFile {
   char path_[32] = "/tmp/skytree_cuda_XXXXXX";
 };
 
+/// The driver's calls, in their order, of a session that renders one frame on the GPU, its end
+/// included.
+std::vector<std::string> traced_render() {
+  const TemporaryFile log;
+  {
+    const EmulatorSettings settings{{"CUEMU_TRACE", "1"}, {"CUEMU_LOG", log.path()}};
+    RenderSession session(1, make_renderer(0));
+    session.start(fault_scene(), fault_options());
+    finished_pixels(&session, fault_options());
+  }
+  std::ifstream file(log.path());
+  std::vector<std::string> calls;
+  for (std::string line; std::getline(file, line);) {
+    calls.push_back(call_name(line.substr(line.rfind(' ') + 1)));
+  }
+  return calls;
+}
+
+TEST_F(CudaEmulatorTest, NoKernelIsQueuedBeforeTheUploadsHaveArrived) {
+  // The emulator's copies have arrived when they return; those of a GPU need not have.
+  bool on_the_way = false;
+  size_t uploads = 0, kernels = 0;
+  for (const std::string& call : traced_render()) {
+    if (call == "cuMemcpyHtoD") {
+      on_the_way = true;
+      ++uploads;
+    } else if (call == "cuStreamSynchronize") {
+      on_the_way = false;
+    } else if (call == "cuLaunchKernel") {
+      EXPECT_FALSE(on_the_way) << "after upload " << uploads;
+      ++kernels;
+    }
+  }
+  EXPECT_GT(uploads, 0u);
+  EXPECT_GT(kernels, 0u);
+}
+
 class CudaCallFault : public CudaEmulatorTest, public testing::WithParamInterface<std::string> {
  protected:
   static const std::vector<float>& expected(const std::shared_ptr<Scene>& scene) {
@@ -81,23 +119,6 @@ class CudaCallFault : public CudaEmulatorTest, public testing::WithParamInterfac
       return finished_pixels(&cpu, fault_options());
     }();
     return pixels;
-  }
-
-  /// How often a session that renders one frame on the GPU makes a call, its end included.
-  static int calls_of(const std::string& call) {
-    const TemporaryFile log;
-    {
-      const EmulatorSettings settings{{"CUEMU_TRACE", "1"}, {"CUEMU_LOG", log.path()}};
-      RenderSession session(1, make_renderer(0));
-      session.start(fault_scene(), fault_options());
-      finished_pixels(&session, fault_options());
-    }
-    std::ifstream file(log.path());
-    int count = 0;
-    for (std::string line; std::getline(file, line);) {
-      count += call_name(line.substr(line.rfind(' ') + 1)) == call;
-    }
-    return count;
   }
 };
 
@@ -117,9 +138,9 @@ void fail_after_a_failure(const std::string& call) {
 
 /// Calls that may fail without the picture suffering: they ask, clean up or end a scope.
 bool is_harmless(const std::string& call) {
-  for (const char* name : {"cuCtxPopCurrent", "cuStreamSynchronize", "cuMemGetInfo", "cuMemFree",
-                           "cuMemFreeHost", "cuModuleUnload", "cuStreamDestroy", "cuEventDestroy",
-                           "cuInit", "cuGetErrorName", "cuGetErrorString"}) {
+  for (const char* name :
+       {"cuCtxPopCurrent", "cuMemGetInfo", "cuMemFree", "cuMemFreeHost", "cuModuleUnload",
+        "cuStreamDestroy", "cuEventDestroy", "cuInit", "cuGetErrorName", "cuGetErrorString"}) {
     if (call == name) return true;
   }
   return false;
@@ -127,7 +148,8 @@ bool is_harmless(const std::string& call) {
 
 TEST_P(CudaCallFault, CpuFinishesTheFrame) {
   const std::string call = GetParam();
-  const int calls = calls_of(call);
+  const std::vector<std::string> trace = traced_render();
+  const int calls = int(std::count(trace.begin(), trace.end(), call));
   if (calls == 0) return fail_after_a_failure(call);
   const std::shared_ptr<Scene> scene = fault_scene();
   const std::vector<float> whole = expected(scene);
