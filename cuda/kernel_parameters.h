@@ -10,9 +10,9 @@ namespace skytree::cuda {
 /// Launch width of every kernel; what shares a block is a tile of 16 x 8 pixels.
 constexpr int kThreads = 128;
 constexpr int kBlockWidth = 16, kBlockHeight = 8;
-/// Blocks of render_pass that a multiprocessor shall hold: 128 registers a thread. What that
-/// spills is in docs/cuda.md, and .ci/tests/test_cuda_kernels.py watches over it.
-constexpr int kRenderBlocks = 4;
+/// Blocks of render_pass that a multiprocessor shall hold: 80 registers a thread. What that spills
+/// costs less than the warps bring (docs/cuda.md); .ci/tests/test_cuda_kernels.py watches over it.
+constexpr int kRenderBlocks = 6;
 
 /// sample_directions: out[i] = sample_environment(sampler, u[i]).
 struct SampleParameters {

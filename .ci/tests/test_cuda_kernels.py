@@ -40,17 +40,16 @@ def test_sampling_kernels_use_no_local_memory(compiled, kernel):
     assert (compiled[kernel].spills, compiled[kernel].stack) == (0, 0)
 
 
-def test_only_the_renderer_spills_and_little(compiled):
-    # Several light samples, resampling and the control variate cost it 156 bytes, outside of what draws
-    # directions (docs/cuda.md). The pilot paths run once per tile.
+def test_only_the_renderer_spills(compiled):
+    # It has 80 registers where it could use 128: the warps are worth what they spill (docs/cuda.md).
     spilt = {name: k.spills for name, k in compiled.items() if k.spills}
-    assert spilt.pop("render_pass", 0) <= 192
-    assert spilt.pop("pilot_tiles", 0) <= 640
+    assert spilt.pop("render_pass", 0) <= 1400
+    assert spilt.pop("pilot_tiles", 0) <= 1000
     assert spilt == {}
 
 
-def test_four_blocks_of_the_renderer_fit_on_a_multiprocessor(compiled):
-    assert compiled["render_pass"].warps(86) >= 16
+def test_six_blocks_of_the_renderer_fit_on_a_multiprocessor(compiled):
+    assert compiled["render_pass"].warps(86) >= 24
 
 
 def test_arithmetic_is_the_hosts(kernels, tmp_path):

@@ -105,8 +105,8 @@ SKY_HD bool hit_triangle(const BvhTriangle& triangle, const LocalRay& ray, float
 
 /// The nearest hit along the ray, or for `any` whichever comes first (of which only `instance` >= 0
 /// counts).
-SKY_HD Hit trace_ray(const TracerView& tracer, const InstanceView* instances, const Ray& ray,
-                     bool any) {
+SKY_HD_CALL Hit trace_ray(const TracerView& tracer, const InstanceView* instances, const Ray& ray,
+                          bool any) {
   using namespace detail;
   Hit hit = {-1, -1, 0.0f, 0.0f, ray.t_max};
   if (!tracer.top_nodes) return hit;

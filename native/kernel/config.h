@@ -8,10 +8,15 @@
 // What few surfaces need: a call. Inlined, its registers would be every path's, who
 // would spill others for them (docs/cuda.md).
 #define SKY_HD_RARE static __host__ __device__ __noinline__
+// What several places need and most paths reach: one copy for all. A copy for each makes the
+// renderer many times as long as the instruction caches, and warps wait for instructions
+// (docs/cuda.md).
+#define SKY_HD_CALL static __host__ __device__ __noinline__
 #else
 // static: the host compiles these headers for several instruction sets, and of equal functions the
 // linker would keep any one, with instructions that the processor may lack.
 #define SKY_HD static inline
+#define SKY_HD_CALL static inline
 #define SKY_HD_RARE [[gnu::noinline, maybe_unused]] static
 #endif
 

@@ -13,9 +13,9 @@ SKY_HD float draw_samples(const EnvSamplerView& sampler, uint32_t thread, uint32
   const uint32_t seed = pixel_seed(0, thread, 0);
   float sum = 0.0f;
   for (uint32_t i = 0; i < count; ++i) {
-    const Vec2 pair = random_pair(seed, i, 0);
+    const Vec2 pair = inlined_random_pair(seed, i, 0);
     const DirectionSample sample =
-        sample_environment(sampler, {random_pair(seed, i, 1).x, pair.x, pair.y});
+        sample_environment(sampler, {inlined_random_pair(seed, i, 1).x, pair.x, pair.y});
     sum += sample.direction.x + sample.direction.y + sample.direction.z + 1.0f / sample.pdf;
   }
   return sum;

@@ -317,7 +317,7 @@ SKY_HD void evaluate_material(const MaterialTables& tables, const MaterialView& 
 
 /// All lobes together. Light from behind the geometric surface is refused: there it would leak
 /// through.
-SKY_HD BsdfValue eval_bsdf(const Shading& shading, const Surface& surface, Vec3 wo, Vec3 wi) {
+SKY_HD_CALL BsdfValue eval_bsdf(const Shading& shading, const Surface& surface, Vec3 wo, Vec3 wi) {
   BsdfValue sum = {{0, 0, 0}, 0.0f};
   if (dot(surface.geometric_normal, wi) <= 0.0f) return sum;
   for (int i = 0; i < shading.count; ++i) {

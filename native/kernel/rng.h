@@ -136,10 +136,15 @@ SKY_HD Vec2 blue_noise_pair(uint32_t pixel_seed, uint32_t index, uint32_t pair) 
           unit_float(reverse_bits(owen_scramble_reversed(y, y_scramble(base))))};
 }
 
-/// Point `index` of the sequence `pair` of a pixel, in [0,1)^2.
-SKY_HD Vec2 random_pair(uint32_t pixel_seed, uint32_t index, uint32_t pair) {
+/// random_pair without a call, for loops that do little else.
+SKY_HD Vec2 inlined_random_pair(uint32_t pixel_seed, uint32_t index, uint32_t pair) {
   return has_blue_noise(pixel_seed) ? blue_noise_pair(pixel_seed, index, pair)
                                     : hashed_pair(pixel_seed, index, pair);
+}
+
+/// Point `index` of the sequence `pair` of a pixel, in [0,1)^2.
+SKY_HD_CALL Vec2 random_pair(uint32_t pixel_seed, uint32_t index, uint32_t pair) {
+  return inlined_random_pair(pixel_seed, index, pair);
 }
 
 }  // namespace skytree

@@ -48,7 +48,7 @@ SKY_HD Vec3 texel(const TextureView& texture, int x, int y_up) {
   return {p[0], p[1], p[2]};
 }
 
-SKY_HD Vec3 sample_texture(const TextureView& texture, Vec2 surface_uv) {
+SKY_HD_CALL Vec3 sample_texture(const TextureView& texture, Vec2 surface_uv) {
   const Vec3 homogeneous = {surface_uv.x, surface_uv.y, 1.0f};
   const Vec2 uv = {dot(texture.u_row, homogeneous), dot(texture.v_row, homogeneous)};
   // Beyond 2^22 periods a float has no fraction left, and the index would overflow.
