@@ -14,7 +14,7 @@ from pathlib import Path
 
 from .environments import blender_module, environment, require_packages
 from .packaging import DIST, build_native, build_wheel
-from .steps import ROOT, BuildError, run
+from .steps import ROOT, run
 from .testing import SANITIZED
 
 SCRIPT = Path(__file__).with_name("gpu_check.sh")
@@ -22,7 +22,10 @@ PACKAGES = ("numpy", "pytest", "OpenImageIO", "matplotlib", "pillow", "rich", "s
 SOURCES = ("docs/bench", "docs/demo", "docs/make_figures", "native/python/tests/test_cuda.py")
 # What every Linux has, in a version that fits its kernel and its driver.
 SYSTEM_LIBRARIES = re.compile(r"(ld-linux.*|libc|libm|libdl|librt|libpthread|libstdc\+\+|libgcc_s)\.so")
-UNUSED = ("site-packages", "test", "_tkinter*", "idlelib", "tkinter", "lib2to3", "ensurepip", "turtledemo", "pydoc_data", "__pycache__")
+UNUSED = (
+    *("site-packages", "dist-packages", "config-3*", "__pycache__"),
+    *("test", "_tkinter*", "idlelib", "tkinter", "lib2to3", "ensurepip", "turtledemo", "pydoc_data"),
+)
 # Files of the packages above and of what they require, by distribution; run by their interpreter.
 LIST_FILES = """
 import importlib.metadata as metadata, json, re, sys
@@ -112,7 +115,7 @@ def pack_maps(folder: Path) -> None:
 def copy(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     if source.is_dir():
-        ignored = shutil.ignore_patterns(*UNUSED, "dist-packages", "config-3*")
+        ignored = shutil.ignore_patterns(*UNUSED)
         shutil.copytree(source, target, ignore=ignored, ignore_dangling_symlinks=True)
     else:
         shutil.copy(source, target)

@@ -4,13 +4,13 @@
 # installed but NVIDIA's driver. A step that fails or takes too long does not stop the others.
 #
 #   ./check.sh [FOLDER FOR RESULTS] [STEP ...]      steps: machine tests python memcheck racecheck initcheck
-#                                                   synccheck samplers figures (default: all, in this order)
+#                                                   synccheck samplers renders figures (default: all, in this order)
 here=$(cd "$(dirname "$0")" && pwd)
 out=${1:-$here/results}
 [ $# -gt 0 ] && shift
 mkdir -p "$out/figures" || exit 1
 out=$(cd "$out" && pwd)
-steps=${*:-machine tests python memcheck racecheck initcheck synccheck samplers figures}
+steps=${*:-machine tests python memcheck racecheck initcheck synccheck samplers renders figures}
 
 export PYTHONHOME="$here/python" PYTHONPATH="$here/python/packages" PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1
 export LD_LIBRARY_PATH="$here/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" SKYTREE_SHARED="$here/shared"
@@ -37,6 +37,7 @@ for name in $steps; do
     tests) step 240 $tests --gtest_filter='Cuda*:*/Cuda*' "--gtest_output=xml:$out/tests.xml" ;;
     python) step 120 "$python" -m pytest -p no:cacheprovider "--junitxml=$out/python.xml" "$here/native/python/tests/test_cuda.py" ;;
     samplers) step 150 "$python" "$here/docs/bench/cuda_samplers.py" --nvcc= --csv "$out/cuda_samplers.csv" --page "$out/cuda_samplers.md" ;;
+    renders) step 60 "$python" "$here/docs/bench/cuda_render.py" --map "$(ls "$here"/shared/hdri/*uffizi* "$here"/shared/hdri/courtyard.exr 2>/dev/null | head -n 1)" ;;
     figures) step 200 "$python" "$here/docs/make_figures/make_figures.py" --only figure4 figure5 --out "$out/figures" ;;
     *check)
       if [ -n "$checker" ]; then

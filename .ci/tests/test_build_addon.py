@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from skytree_build import benchmarks, environments, packaging, steps, testing
+from skytree_build import benchmarks, environments, gpu_check, packaging, steps, testing
 from skytree_build.steps import ROOT, BuildError, Finished
 
 
@@ -45,8 +45,8 @@ def test_wrong_usage_is_named(arguments, named):
 
 def test_help_lists_every_command():
     listed = build_addon("--help").stdout
-    for command in ("demo", "test", "build", "package", "bench", "compare", "figures"):
-        assert re.search(rf"^\s+{command} ", listed, re.M)
+    for command in ("demo", "test", "build", "package", "bench", "gpu-check", "compare", "figures"):
+        assert re.search(rf"^\s+{command}\s", listed, re.M)
 
 
 # --- Steps ---
@@ -340,3 +340,27 @@ def test_promises_are_held_against_medians():
     table, broken, missing = benchmarks.promise_table(times)
     assert (broken, missing) == (1, 2)
     assert "10.00×   promised ≥ 10×: kept" in table and "2.90×   promised ≥ 3×: NOT KEPT" in table
+
+
+# --- The GPU check ---
+
+
+def test_the_packed_python_runs_anywhere(tmp_path, monkeypatch):
+    monkeypatch.setattr(gpu_check, "PACKAGES", ("pytest", "numpy"))
+    gpu_check.pack_python(environments.environment("venv", "tools", "3.11"), tmp_path / "python")
+    moved = tmp_path.rename(tmp_path.with_name("elsewhere"))
+    variables = {"PYTHONHOME": moved / "python", "PYTHONPATH": moved / "python" / "packages"}
+    variables["LD_LIBRARY_PATH"] = moved / "lib"
+    code = "import ctypes, csv, numpy, pytest, sys; print(numpy.arange(3).sum(), *sys.path, numpy.__file__)"
+    command = [moved / "python" / "bin" / "python3", "-c", code]
+    clean = {name: str(value) for name, value in variables.items()}
+    said = subprocess.run(command, capture_output=True, text=True, env=clean, cwd="/")
+    assert said.returncode == 0, said.stderr
+    total, *places = said.stdout.split()
+    assert total == "3" and all(place.startswith(str(moved)) for place in places)
+
+
+def test_the_systems_own_libraries_stay_out_of_the_gpu_check():
+    system = ("libc.so.6", "libm.so.6", "libstdc++.so.6", "libgcc_s.so.1", "ld-linux-x86-64.so.2")
+    assert all(gpu_check.SYSTEM_LIBRARIES.match(name) for name in system)
+    assert not any(gpu_check.SYSTEM_LIBRARIES.match(name) for name in ("libcrypt.so.1", "libtbb.so.12"))

@@ -252,6 +252,8 @@ def _integer(op: str, parts: list[str], v: list[str]) -> str | None:
     simple = {"add": "+", "sub": "-", "mul": "*", "and": "&", "or": "|", "xor": "^"}
     if op in simple:
         return f"({v[0]} {simple[op]} {v[1]}) & {mask}"
+    if op == "not":
+        return f"~{v[0]} & {mask}"
     if op == "mad":
         return f"({v[0]} * {v[1]} + {v[2]}) & {mask}"
     if op == "shl":

@@ -42,6 +42,14 @@ class Context:
         self.outputs.append(name)
         return self.out / name
 
+    def existing(self, name: str) -> list[dict[str, str]]:
+        """Rows of NAME.csv as it was before this run; none where it has not been made."""
+        file = self.out / f"{name}.csv"
+        if not file.exists():
+            return []
+        with open(file, newline="") as lines:
+            return list(csv.DictReader(lines))
+
     def table(self, name: str, rows: list[dict]) -> None:
         """Writes rows of one shape to NAME.csv. What a clock measured goes into tables named ..._times:
         the others are the same in every run."""

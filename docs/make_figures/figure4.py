@@ -32,10 +32,24 @@ def make(context: Context) -> None:
             image = enlarged(entry.image(), scale)
             sizes += frame_rates(entry.name, image, device, device_name, rounds)
             context.step(2)
+    rows += gpu_rows(context, "figure4_times", devices)
+    sizes += gpu_rows(context, "figure4_sizes_times", devices)
     context.table("figure4_times", rows)
     context.table("figure4_sizes_times", sizes)
     context.table("figure4_summary_times", summary(rows))
-    context.plot("figure4_times", plot(rows, devices))
+    context.plot("figure4_times", plot(rows))
+
+
+def gpu_rows(context: Context, name: str, devices: dict[str, str]) -> list[dict]:
+    """Where this machine has no GPU: what another one measured on its own, which the table there has."""
+    if any(device != "CPU" for device in devices):
+        return []
+    numbers = {"threads": int, "map_width": int, "samples": int, "fps": float, "fps_over_inversion": float}
+    return [
+        {key: numbers.get(key, str)(value) for key, value in row.items()}
+        for row in context.existing(name)
+        if row["on"] != "CPU"
+    ]
 
 
 def frame_rates(
@@ -93,13 +107,15 @@ def summary(rows: list[dict]) -> list[dict]:
     return found
 
 
-def plot(rows: list[dict], devices: dict[str, str]):
-    names = list(dict.fromkeys(row["map"] for row in rows))
+def plot(rows: list[dict]):
+    devices = list(dict.fromkeys(row["device"] for row in rows))
     figure, axes = plots.axes_grid(len(devices), 1, 12, 4.2 * len(devices) + 0.6)
-    for axis, device in zip(axes, devices.values(), strict=True):
+    for axis, device in zip(axes, devices, strict=True):
+        names = list(dict.fromkeys(row["map"] for row in rows if row["device"] == device))
         for index, method in enumerate(COMPARED):
-            values = [row["fps"] for row in rows if row["device"] == device and row["method"] == method]
-            place = np.arange(len(names)) + (index - 1.5) * 0.2
+            of = [row for row in rows if row["device"] == device and row["method"] == method]
+            values = [row["fps"] for row in of]
+            place = np.array([names.index(row["map"]) for row in of]) + (index - 1.5) * 0.2
             axis.bar(place, values, 0.19, color=plots.COLORS[method], label=stage.METHODS[method])
         threads = next(row["threads"] for row in rows if row["device"] == device)
         on = f"{device}, {threads} threads" if threads else device

@@ -26,13 +26,16 @@ def make(context: Context) -> None:
             for count in counts:
                 rows += figure4.frame_rates(entry.name, entry.image(), device, device_name, rounds, count)
                 context.step(count)
+    rows += figure4.gpu_rows(context, "figure5_times", devices)
     context.table("figure5_times", rows)
-    context.plot("figure5_times", plot(rows, devices, [entry.name for entry in entries]))
+    context.plot("figure5_times", plot(rows))
 
 
-def plot(rows: list[dict], devices: dict[str, str], names: list[str]):
+def plot(rows: list[dict]):
+    names = list(dict.fromkeys(row["map"] for row in rows))
+    devices = list(dict.fromkeys(row["device"] for row in rows))
     figure, axes = plots.axes_grid(len(devices), len(names), 4.2 * len(names), 3.8 * len(devices))
-    panels = [(device, name) for device in devices.values() for name in names]
+    panels = [(device, name) for device in devices for name in names]
     for axis, (device, name) in zip(axes, panels, strict=True):
         for method in figure4.COMPARED:
             of = [r for r in rows if (r["device"], r["map"], r["method"]) == (device, name, method)]

@@ -143,3 +143,14 @@ def test_the_benchmark_measures(monkeypatch):
     assert len(frames) == 2 * len(bench.METHODS) and all(row.value > 0 for row in frames)
     page = bench.cuda_samplers_page.page(times + frames, gpu.name, None, 0)
     assert f"Frames per second on {gpu.name}" in page and "kdtree_warp" in page
+
+
+@pytest.mark.skipif(sky.cuda_problem() is not None, reason=str(sky.cuda_problem()))
+def test_the_render_benchmark_measures(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[3] / "docs" / "bench")
+    bench = pytest.importorskip("cuda_render", reason="it needs the repository around it")
+    monkeypatch.setattr(bench, "SIZE", (16, 9))
+    gpu = next(device for device in sky.devices() if device.type == "CUDA")
+    image = np.random.default_rng(3).random((16, 32, 3), dtype=np.float32)
+    rows = bench.rows(image, gpu.id, samples=1)
+    assert [row[0] for row in rows] == [*bench.SAMPLERS, "uniform"] and {len(row) for row in rows} == {4}
