@@ -128,19 +128,20 @@ SKY_HD_RARE ProductPoint product_warp(const ProductView& products, const Product
   int32_t node = cut.count > 1 ? 0 : ~0;
   while (node >= 0) {
     const CutSplit split = cut.splits[node];
-    float first = 0.0f, both = 0.0f;
+    float parts[kMixedCuts], first = 0.0f, both = 0.0f;
     for (int k = 0; k < mix.count; ++k) {
-      first += reach[k] * first_fraction(products.cuts[mix.cut[k]], node);
+      parts[k] = reach[k] * first_fraction(products.cuts[mix.cut[k]], node);
+      first += parts[k];
       both += reach[k];
     }
+    // Without branches: which way a split sends a random point cannot be predicted.
     const float fraction = first / both;
-    float* x = split.axis == 0 ? &u.x : &u.y;
-    const bool second = *x >= fraction;
-    *x = second ? (*x - fraction) / (1.0f - fraction) : *x / fraction;
-    for (int k = 0; k < mix.count; ++k) {
-      const float part = first_fraction(products.cuts[mix.cut[k]], node);
-      reach[k] *= second ? 1.0f - part : part;
-    }
+    const bool across = split.axis == 0;
+    const float x = across ? u.x : u.y;
+    const bool second = x >= fraction;
+    const float inside = (second ? x - fraction : x) / (second ? 1.0f - fraction : fraction);
+    u = {across ? inside : u.x, across ? u.y : inside};
+    for (int k = 0; k < mix.count; ++k) reach[k] = second ? reach[k] - parts[k] : parts[k];
     node = second ? split.second : split.first;
   }
   // Rounding must not carry a number over the node's border.

@@ -291,10 +291,12 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
     directions.f.set(i, {0, 0, 0});
   }
   weigh(scene, settings, lanes, &directions, work);
+  const bool recording = scene.guide.counters != nullptr;
   for (int i = 0; i < lanes.count; ++i) {
     const uint32_t record =
-        light_guide_record(scene, lanes.guide_slot[i], work->region[i],
-                           lanes.geometric_normal.get(i), directions.world.get(i));
+        !recording ? kNoGuideRecord
+                   : light_guide_record(scene, lanes.guide_slot[i], work->region[i],
+                                        lanes.geometric_normal.get(i), directions.world.get(i));
     if (!(max_component(directions.f.get(i)) > 0.0f)) continue;
     append({lane_ray(lanes, directions, i), directions.weight.get(i),
             lane_map(lanes, directions, i), record},
