@@ -23,7 +23,9 @@ def test_links_lead_to_files(page):
 
 
 def test_readme_names_real_commands():
-    named = set(re.findall(r"build_addon\.py ([\w-]+)", README)) | set(re.findall(r"^\| `([\w-]+)", README, re.M))
+    named = set(re.findall(r"build_addon\.py ([\w-]+)", README)) | set(
+        re.findall(r"^\| `([\w-]+)", README, re.M)
+    )
     assert {"demo", "test", "package"} <= named
     for command in named:
         finished = subprocess.run(
