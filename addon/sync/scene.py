@@ -28,7 +28,8 @@ class SceneSync:
     `sync(depsgraph)` uploads everything that is not there yet; `update(depsgraph)` looks at depsgraph.updates
     alone. No upload may come while a session renders the scene: `before_upload()` is called before each, to
     cancel it. `counts` says how often each kind of thing was uploaded; `messages` holds what could not be
-    read. `flat` is for scenes that are read once and never updated: rays cost less (docs/rendering.md, Embree).
+    read. `flat` is for scenes that are read once and never updated: rays cost less (docs/rendering.md,
+    Embree).
     Unless `wait_for_samplers`, a sampler is built on a thread of its own and the scene keeps the last
     environment until `follow_environment` finds it ready."""
 
