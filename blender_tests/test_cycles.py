@@ -33,6 +33,8 @@ def test_samplers_agree(scene):
     # A soft map: without importance sampling a small sun would need a hundred times the samples.
     lit_scene(scene, "studio", (0, 0, 0.5))
     scene.skytree.max_bounces = 1
+    # Where light is found by luck, a few renders' spread says little of what adaptive sampling makes of it.
+    scene.skytree.adaptive_sampling = False
     pictures = {
         sampler: [scenes.render_skytree(scene, 96, sampler=sampler, seed=seed) for seed in (1, 2, 3)]
         for sampler in ("KDTREE", "INVERSION", "ALIAS", "UNIFORM")
