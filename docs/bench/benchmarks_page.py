@@ -55,7 +55,8 @@ def time_section(renders: dict) -> str:
         "## Time of a pixel sample inside Blender 4.5\n\n"
         f"Processor time of the Blender process, user and system, in µs per pixel sample: {width}×{height} "
         f"pixels, three spheres on a grey ground under {renders['map']}, direct light only, box filter of "
-        "one pixel, all cores, no denoiser, no adaptive sampling. Two sample counts are rendered and their "
+        "one pixel, all cores, no denoiser; Cycles without its adaptive sampling, every row of Skytree with "
+        "all its default estimators. Two sample counts are rendered and their "
         f"times subtracted, so that start-up drops out; {rounds} rounds in which the methods take turns.\n\n"
         + table(["", "median µs", "range", "of Cycles' time (median of rounds)"], rows)
     )
