@@ -17,7 +17,15 @@ constexpr int kReach = 2;
 /// Brightness below which noise is no longer judged against the pixel's own, over the image's mean.
 constexpr double kDark = 0.1;
 
-/// A quarter of the samples, as passes end there.
+/// What a neighbour's samples count, by its distance: too often asked for to be computed each time.
+struct NeighbourWeights {
+  double by_square[2 * kReach * kReach + 1];
+  NeighbourWeights() {
+    for (int i = 0; i <= 2 * kReach * kReach; ++i) by_square[i] = std::exp(-0.5 * i);
+  }
+};
+
+/// About a quarter of the samples, where a pass ends.
 int measured_samples(int samples) {
   const int quarter = samples / 4;
   if (quarter >= 16) return quarter / 16 * 16;
@@ -63,6 +71,7 @@ void SamplePlan::share_out() {
 
   // Error squared over brightness, as the eye weighs it, is least with samples in proportion to
   // deviation / sqrt(brightness).
+  const NeighbourWeights neighbours;
   std::vector<float> demand(count, 0.0f);
   for (int y = 0; y < height_; ++y) {
     for (int x = 0; x < width_; ++x) {
@@ -71,7 +80,7 @@ void SamplePlan::share_out() {
         for (int dx = -kReach; dx <= kReach; ++dx) {
           const int nx = x + dx, ny = y + dy;
           if ((dx == 0 && dy == 0) || nx < 0 || ny < 0 || nx >= width_ || ny >= height_) continue;
-          const double weight = std::exp(-0.5 * (dx * dx + dy * dy));
+          const double weight = neighbours.by_square[dx * dx + dy * dy];
           const size_t i = size_t(ny) * width_ + nx;
           weights += weight;
           noise += weight * variance[i];
@@ -98,7 +107,7 @@ void SamplePlan::share_out() {
     return result;
   };
   while (sum(high) < total && high < 1e30) high *= 2.0;
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < 32; ++i) {
     const double middle = 0.5 * (low + high);
     (sum(middle) < total ? low : high) = middle;
   }
