@@ -134,14 +134,11 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
   cancel_ = false;
   samples_done_ = 0;
   next_item_ = 0;
-  first_tile_x_ = options.x0 / kTileSize;
-  first_tile_y_ = options.y0 / kTileSize;
-  tiles_x_ = (options.x1 + kTileSize - 1) / kTileSize - first_tile_x_;
-  tiles_y_ = (options.y1 + kTileSize - 1) / kTileSize - first_tile_y_;
+  tiles_ = FilmTiles(options.width, options.height, options.x0, options.y0, options.x1, options.y1);
   plan_passes(0);
   on_device_ = device_ != nullptr;
   device_image_.reset();
-  film_.assign(on_device_ ? 0 : size_t(region_width()) * region_height(), Pixel());
+  film_.assign(on_device_ ? 0 : tiles_.pixel_count(), Pixel());
   ready_ = false;
   running_ = true;
   busy_ = int(threads_.size());
@@ -152,24 +149,8 @@ void RenderSession::start(std::shared_ptr<Scene> scene, const RenderOptions& ask
 /// The passes that are left once `done` samples are rendered.
 void RenderSession::plan_passes(int done) {
   cpu_begin_ = done;
-  tile_passes_.reset(new std::atomic<int>[tiles_x_ * tiles_y_]());
+  tile_passes_.reset(new std::atomic<int>[tiles_.count()]());
   pass_tiles_.reset(new std::atomic<int>[pass_slots()]());
-}
-
-/// Calls visit(first pixel, count) for each row of pixels in each tile, the tile's lock held.
-template <class Visit>
-void RenderSession::for_each_tile_row(Visit visit) const {
-  const int width = region_width(), height = region_height();
-  for (int tile = 0; tile < tiles_x_ * tiles_y_; ++tile) {
-    const int left = std::max(0, (first_tile_x_ + tile % tiles_x_) * kTileSize - options_.x0);
-    const int right = (first_tile_x_ + tile % tiles_x_ + 1) * kTileSize - options_.x0;
-    const int low = std::max(0, (first_tile_y_ + tile / tiles_x_) * kTileSize - options_.y0);
-    const int high = (first_tile_y_ + tile / tiles_x_ + 1) * kTileSize - options_.y0;
-    std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
-    for (int y = low; y < std::min(high, height); ++y) {
-      visit(size_t(y) * width + left, size_t(std::min(right, width) - left));
-    }
-  }
 }
 
 bool RenderSession::wait(double seconds) {
@@ -330,8 +311,9 @@ void RenderSession::lead() {
     job_.scene.environment.sampler =
         options_.product_sampling ? sampler->product_view() : sampler->view();
   }
-  controls_.assign(size_t(tiles_x_) * tiles_y_, 0.0f);
-  job_.settings.controls = {controls_.data(), first_tile_x_, first_tile_y_, tiles_x_};
+  controls_.assign(size_t(tiles_.count()), 0.0f);
+  job_.settings.controls = {controls_.data(), tiles_.first_column, tiles_.first_row,
+                            tiles_.columns};
   start_learning();
   plan_.reset();
   shared_out_ = false;
@@ -344,75 +326,14 @@ void RenderSession::lead() {
   wake_.notify_all();
 }
 
-/// False if the threads have to finish the frame.
-bool RenderSession::render_on_device() {
-  DeviceJob job;
-  job.scene = scene_->parts(options_.width, options_.height);
-  job.sampler = options_.sampler ? options_.sampler : job.scene.sampler;
-  job.settings = job_.settings;
-  job.x0 = options_.x0;
-  job.y0 = options_.y0;
-  job.width = region_width();
-  job.height = region_height();
-  job.first_sample = options_.first_sample;
-  job.samples = options_.samples;
-  job.control_variate = uses_control_variate();
-  job.product_sampling = options_.product_sampling;
-  std::string failure;
-  try {
-    device_->render(
-        job, cancel_,
-        [this](std::shared_ptr<const float> image, int done, const PassCounters& counters) {
-          take_device_image(std::move(image), done, counters);
-        });
-  } catch (const std::exception& error) {
-    failure = error.what();
-  }
-  std::lock_guard<std::mutex> lock(mutex_);
-  stats_.device = device_->name();
-  if (failure.empty()) {
-    plan_passes(options_.samples);
-    return true;
-  }
-  warning_ = failure + " The CPU finishes the frame.";
-  stats_.device += " + CPU";
-  resume_from_device_image();
-  plan_passes(samples_done_);
-  return false;
-}
-
-/// Sums again from the means: what a float rounds is far below a sample's noise.
-void RenderSession::resume_from_device_image() {
-  film_.assign(size_t(region_width()) * region_height(), Pixel());
-  if (device_image_) {
-    const float* mean = device_image_.get();
-    const int count = samples_done_;
-    for (Pixel& pixel : film_) {
-      for (double& sum : pixel.radiance) sum = double(*mean++) * count;
-      pixel.alpha = double(*mean++) * count;
-      pixel.count = uint32_t(count);
-    }
-  }
-  on_device_ = false;
-  device_image_.reset();
-}
-
-void RenderSession::take_device_image(std::shared_ptr<const float> image, int samples_done,
-                                      const PassCounters& counters) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  device_image_ = std::move(image);
-  samples_done_ = samples_done;
-  stats_.rays += counters.rays;
-  stats_.rejected_samples += counters.rejected;
-}
-
 void RenderSession::render_tiles() {
   const double cpu_started = thread_cpu_seconds();
   std::unique_ptr<TileScratch, decltype(&delete_tile_scratch)> scratch(new_tile_scratch(),
                                                                        delete_tile_scratch);
   auto sample = std::make_unique<TileSample>();
   std::vector<TilePath> paths;
-  const uint64_t tiles = uint64_t(tiles_x_) * tiles_y_;
+  const uint64_t tiles = uint64_t(tiles_.count());
+  const uint32_t first = uint32_t(options_.first_sample);
   uint64_t rays = 0;
   while (!cancel_) {
     const uint64_t item = next_item_++;
@@ -426,24 +347,24 @@ void RenderSession::render_tiles() {
     // Sums are taken in the order of the samples, whichever thread takes them.
     while (tile_passes_[tile].load(std::memory_order_acquire) != int(pass) && !cancel_)
       std::this_thread::yield();
-    const int tile_x = first_tile_x_ + tile % tiles_x_, tile_y = first_tile_y_ + tile / tiles_x_;
     if (pass == 0 && uses_control_variate())
       controls_[tile] = pilot(tile, scratch.get(), sample.get());
-    const auto trace = [&](size_t first, size_t count) {
-      const TileWork work = {tile_x, tile_y, paths.data() + first, int(count)};
+    const auto trace = [&](size_t from, size_t count) {
+      const TileWork work = {tiles_.column(tile), tiles_.row(tile), paths.data() + from,
+                             int(count)};
       rays += render_tile_(job_, work, scratch.get(), sample.get());
       accumulate(tile, work, *sample);
     };
     if (plan_ && begin - cpu_begin_ >= plan_->measured()) {
       paths.clear();
-      append_shared_out(tile, begin, end, &paths);
+      tiles_.append_planned(*plan_, tile, begin, end, first, &paths);
       for (size_t i = 0; i < paths.size() && !cancel_; i += kTilePixels) {
         trace(i, std::min<size_t>(kTilePixels, paths.size() - i));
       }
     } else {
       for (int64_t i = begin; i < end && !cancel_; ++i) {
         paths.clear();
-        append_tile(tile, uint32_t(i), &paths);
+        tiles_.append_sample(tile, first + uint32_t(i), &paths);
         trace(0, paths.size());
       }
     }
@@ -471,7 +392,7 @@ void RenderSession::render_tiles() {
 /// The control variate's factor for a tile, as kernel/path.h computes it on other devices.
 float RenderSession::pilot(int tile, TileScratch* scratch, TileSample* sample) const {
   TilePath paths[kPilotPaths];
-  TileWork work = {first_tile_x_ + tile % tiles_x_, first_tile_y_ + tile / tiles_x_, paths, 0};
+  TileWork work = {tiles_.column(tile), tiles_.row(tile), paths, 0};
   for (int i = 0; i < kPilotPaths; ++i) {
     const int x = pilot_x(i), y = pilot_y(i);
     if (work.x * kTileSize + x >= options_.width || work.y * kTileSize + y >= options_.height) {
@@ -497,50 +418,14 @@ float RenderSession::pilot(int tile, TileScratch* scratch, TileSample* sample) c
   return control_factor(sums);
 }
 
-/// Sample `sample` of all of the tile's pixels, also of those beyond a render border: which rays
-/// share a packet must not depend on it.
-void RenderSession::append_tile(int tile, uint32_t sample, std::vector<TilePath>* paths) const {
-  const int left = (first_tile_x_ + tile % tiles_x_) * kTileSize;
-  const int low = (first_tile_y_ + tile / tiles_x_) * kTileSize;
-  for (int i = 0; i < kTilePixels; ++i) {
-    const int pixel = tile_order(i);
-    if (left + pixel % kTileSize >= options_.width || low + pixel / kTileSize >= options_.height) {
-      continue;
-    }
-    paths->push_back({uint32_t(pixel), uint32_t(options_.first_sample) + sample});
-  }
-}
-
-/// The samples that the plan has for the tile's pixels between `begin` and `end` samples in the
-/// mean.
-void RenderSession::append_shared_out(int tile, int64_t begin, int64_t end,
-                                      std::vector<TilePath>* paths) const {
-  const int left = (first_tile_x_ + tile % tiles_x_) * kTileSize - options_.x0;
-  const int low = (first_tile_y_ + tile / tiles_x_) * kTileSize - options_.y0;
-  // Pixel by pixel: rays of one pixel are as alike as rays can be.
-  for (int i = 0; i < kTilePixels; ++i) {
-    const int pixel = tile_order(i);
-    const int x = left + pixel % kTileSize, y = low + pixel / kTileSize;
-    if (x < 0 || y < 0 || x >= region_width() || y >= region_height()) continue;
-    const size_t place = size_t(y) * region_width() + x;
-    const uint32_t last = plan_->samples_at(place, end);
-    for (uint32_t k = plan_->samples_at(place, begin); k < last; ++k) {
-      paths->push_back({uint32_t(pixel), uint32_t(options_.first_sample) + k});
-    }
-  }
-}
-
 void RenderSession::accumulate(int tile, const TileWork& work, const TileSample& sample) {
-  const int left = work.x * kTileSize - options_.x0, low = work.y * kTileSize - options_.y0;
-  const int width = region_width(), height = region_height();
   uint64_t rejected = 0;
+  const FilmTiles tiles = tiles_;  // a copy, as no write to the film can change it
   {
     std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
     for (int i = 0; i < work.count; ++i) {
-      const int x = left + int(work.paths[i].pixel % kTileSize);
-      const int y = low + int(work.paths[i].pixel / kTileSize);
-      if (x < 0 || y < 0 || x >= width || y >= height) continue;
-      const size_t place = size_t(y) * width + x;
+      size_t place;
+      if (!tiles.find_pixel(tile, work.paths[i].pixel, &place)) continue;
       const Vec3 radiance = sample.radiance[i];
       if (plan_ && !shared_out_) plan_->record(place, radiance);
       Pixel& pixel = film_[place];
@@ -579,14 +464,17 @@ void RenderSession::pixels(float* out) const {
       return;
     }
   }
-  for_each_tile_row([&](size_t first, size_t count) {
-    for (size_t i = first; i < first + count; ++i) {
-      const Pixel& pixel = film_[i];
-      const Rgba mean =
-          film_mean(pixel.radiance, pixel.alpha, pixel.count ? 1.0 / pixel.count : 0.0);
-      std::memcpy(out + 4 * i, &mean, sizeof mean);
-    }
-  });
+  for (int tile = 0; tile < tiles_.count(); ++tile) {
+    std::lock_guard<std::mutex> lock(film_locks_[tile % 64]);
+    tiles_.for_each_row(tile, [&](size_t first, size_t count) {
+      for (size_t i = first; i < first + count; ++i) {
+        const Pixel& pixel = film_[i];
+        const Rgba mean =
+            film_mean(pixel.radiance, pixel.alpha, pixel.count ? 1.0 / pixel.count : 0.0);
+        std::memcpy(out + 4 * i, &mean, sizeof mean);
+      }
+    });
+  }
 }
 
 }  // namespace skytree

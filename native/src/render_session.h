@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "src/device_renderer.h"
+#include "src/film_tiles.h"
 #include "src/filter_table.h"
 #include "src/sample_plan.h"
 #include "src/scene.h"
@@ -115,13 +116,9 @@ class RenderSession {
   void plan_passes(int done);
   /// More than passes can be under way: each thread waits in at most one.
   size_t pass_slots() const { return threads_.size() + 2; }
-  template <class Visit>
-  void for_each_tile_row(Visit visit) const;
   void render_tiles();
   bool uses_control_variate() const;
   float pilot(int tile, TileScratch* scratch, TileSample* sample) const;
-  void append_tile(int tile, uint32_t sample, std::vector<TilePath>* paths) const;
-  void append_shared_out(int tile, int64_t begin, int64_t end, std::vector<TilePath>* paths) const;
   void accumulate(int tile, const TileWork& work, const TileSample& sample);
   void start_learning();
   bool wait_for_samples(int64_t count);
@@ -159,7 +156,7 @@ class RenderSession {
   std::mutex guide_mutex_;
   std::atomic<uint64_t> guide_pass_{0};  // the last pass that the guide was brought up to date for
 
-  int tiles_x_ = 0, tiles_y_ = 0, first_tile_x_ = 0, first_tile_y_ = 0;
+  FilmTiles tiles_;
   int cpu_begin_ = 0;  // samples that a device had done when the threads took over
   std::atomic<uint64_t> next_item_{0};
   std::unique_ptr<std::atomic<int>[]> tile_passes_;  // passes finished, by tile
