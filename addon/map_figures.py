@@ -49,8 +49,10 @@ def map_figures(image: np.ndarray) -> MapFigures:
     mean = float((luminance * weight).sum())
     gain = float((luminance**2 * weight).sum()) / mean**2 if mean > 0.0 else 1.0
 
-    # Ringing of a filter or a codec leaves values just below zero, which nobody needs to repair.
-    passable = usable | ((image < 0.0) & (image > -RINGING * mean))
+    # Ringing of a filter or a codec, or a saturated light's colour out of gamut, leaves values just below
+    # zero, which nobody needs to repair.
+    floor = -RINGING * np.maximum(brightest, mean)
+    passable = usable | ((image < 0.0) & (image > floor[..., None]))
     bad = int(np.count_nonzero(~passable.all(axis=2)))
 
     at_limit = int(np.count_nonzero(brightest == largest))
@@ -59,13 +61,16 @@ def map_figures(image: np.ndarray) -> MapFigures:
 
 
 def repaired(image: np.ndarray) -> np.ndarray:
-    """The map with bad texels replaced by the mean of their good neighbours, zero where there is none."""
-    good = ((image >= 0.0) & (image <= np.finfo(np.float32).max)).all(axis=2)
-    clean = np.where(good[..., None], image, 0.0).astype(np.float32)
+    """The map with bad texels replaced by the mean of their good neighbours, zero where there is none.
+
+    A value below zero in a texel that shines all the same becomes zero: its neighbours are no measure of a
+    sun."""
+    finite = (np.abs(image) <= np.finfo(np.float32).max).all(axis=2)
+    clean = np.where(finite[..., None], np.maximum(image, 0.0), 0.0).astype(np.float32)
+    good = finite & (image.min(axis=2) >= -clean.max(axis=2))
     for y, x in np.argwhere(~good):
         rows = np.clip(np.arange(y - 1, y + 2), 0, image.shape[0] - 1)
         columns = np.arange(x - 1, x + 2) % image.shape[1]
         near = np.ix_(rows, columns)
-        if good[near].any():
-            clean[y, x] = clean[near][good[near]].mean(axis=0)
+        clean[y, x] = clean[near][good[near]].mean(axis=0) if good[near].any() else 0.0
     return clean

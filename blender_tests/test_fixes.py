@@ -113,6 +113,19 @@ def test_ringing_is_no_problem(skytree, scene):
     assert problems(skytree, scene) == []
 
 
+def test_repair_keeps_a_sun_out_of_gamut(skytree, scene):
+    """Its blue is below zero, and its neighbours are a thousand times darker."""
+    pixels = scenes.smooth_map()
+    pixels[8, 20] = 1000.0, 400.0, -2.0
+    pixels[3, 5] = np.nan
+    scenes.set_map(scene, packed(skytree, "saturated", pixels))
+    build(skytree, scene)
+    assert problems(skytree, scene)[0].text.startswith("1 texels")
+    assert fix("skytree.repair_hdri") == {"FINISHED"}
+    mended = scenes.part(skytree, "images").read_pixels(map_of(scene))[..., :3]
+    np.testing.assert_allclose(mended[8, 20], (1000.0, 400.0, 0.0))
+
+
 def test_clipped_sun(skytree, scene):
     pixels = scenes.smooth_map()
     pixels[8:10, 20:23] = 300.0

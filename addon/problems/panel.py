@@ -53,9 +53,7 @@ def find(scene) -> list[Problem]:
 def _about_map(figures: MapFigures, sampler: str) -> list[Problem]:
     problems = []
     if figures.bad_texels:
-        text = (
-            f"{figures.bad_texels} texels of the HDRI are negative, infinite or not a number; they are black"
-        )
+        text = f"{figures.bad_texels} texels of the HDRI are negative, infinite or not a number: taken as 0"
         problems.append(Problem(text, "skytree.repair_hdri", "Repair HDRI", "BRUSH_DATA"))
     if figures.clipped_texels:
         text = (

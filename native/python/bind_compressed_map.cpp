@@ -110,7 +110,7 @@ image: (H, W, 3) linear RGB. max_bytes: of the file; as many blocks are made as 
 KdTreeSampler. max_blocks: no more than these.
 
 A file holds the tree, one colour for each block and a checksum. read_image() reads it like any other map.
-Raises ValueError for a bad image or setting. Texels that are NaN, infinite or negative are left out.)")
+Raises ValueError for a bad image or setting. Values that are NaN, infinite or negative count as 0.)")
       .def(py::init(&compress), py::arg("image"), py::arg("max_bytes") = 48 * 1024,
            py::arg("split_criterion") = "SSE", py::kw_only(), py::arg("statistics") = "RADIANCE",
            py::arg("max_blocks") = py::none())

@@ -107,7 +107,7 @@ samples are taken, and the filter is round where an anisotropic lobe is not. Wha
 image: (H, W, 3) linear RGB, the one that is rendered. samples: how many a pixel is meant to take; more blur no less.
 overlap: 4 as in the paper, 1 as in GPU Gems 3, chapter 20. sample() and pdf() raise ValueError: it draws no directions.
 
-Raises ValueError for a bad image or setting. Texels that are NaN, infinite or negative count as black.)")
+Raises ValueError for a bad image or setting. Values that are NaN, infinite or negative count as 0.)")
       .def(py::init(&make_filtered), py::arg("image"), py::arg("samples") = 64, py::kw_only(),
            py::arg("overlap") = 4.0)
       .def("lookup", &look_up, py::arg("image"), py::arg("directions"), py::arg("pdf"), R"(

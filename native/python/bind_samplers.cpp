@@ -302,7 +302,7 @@ Raises ValueError for another shape or dtype, and for a zero or non-finite vecto
           "Bytes of the tables that sample() and pdf() read, the image left out.")
       .def_property_readonly(
           "bad_texels", [](const EnvironmentSampler& s) { return s.bad_texels().total(); },
-          "Number of texels with a NaN, infinite or negative component; they count as black.")
+          "Number of texels with a NaN, infinite or negative component; they count as 0.")
       .def_property_readonly(
           "bad_texels_message",
           [](const EnvironmentSampler& s) { return s.bad_texels().message(); },
@@ -385,7 +385,7 @@ compensation: 0 to 1, with "EXACT" and "MIN_VARIANCE": this much of the map's me
     sampler alone are used.
 progress: called with the share done, 0 to 1; returning False stops the build with BuildCancelled.
 
-Raises ValueError for a bad image or setting. Texels that are NaN, infinite or negative count as black.)")
+Raises ValueError for a bad image or setting. Values that are NaN, infinite or negative count as 0.)")
       .def(py::init(&make_kdtree), py::arg("image"), py::arg("block_count") = 1024,
            py::arg("split_criterion") = "SSE", py::arg("block_probability") = "FITTED",
            py::kw_only(), py::arg("statistics") = "RADIANCE", py::arg("uniform_share") = py::none(),

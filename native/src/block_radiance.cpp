@@ -16,8 +16,7 @@ std::array<double, 3> block_mean(const LatLongImage& image, const TexelRect& rec
     const float* row = image.texels + 3 * (int64_t)y * image.width;
     for (int x = rect.lo[0]; x < rect.hi[0]; ++x) {
       const float* t = row + 3 * (int64_t)x;
-      if (!is_good_texel(t)) continue;
-      for (int c = 0; c < 3; ++c) sum[c] += row_weights[y] * t[c];
+      for (int c = 0; c < 3; ++c) sum[c] += row_weights[y] * usable_radiance(t[c]);
       weight += row_weights[y];
     }
   }

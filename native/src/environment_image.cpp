@@ -39,10 +39,8 @@ std::string BadTexels::message() const {
   add(nan, "NaN");
   add(infinite, "infinite");
   add(negative, "negative");
-  const bool one = total() == 1;
   return "environment map has " + std::to_string(total()) +
-         (one ? " bad texel (" : " bad texels (") + kinds +
-         (one ? "); it counts as black" : "); they count as black");
+         (total() == 1 ? " bad texel (" : " bad texels (") + kinds + "); such values count as 0";
 }
 
 void check_image(const LatLongImage& image) {

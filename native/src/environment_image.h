@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A lat-long map as the builders read it: luminance by rows, bad texels found and kept out,
+// A lat-long map as the builders read it: luminance by rows, bad values found and kept out,
 // geometry of rows.
 #pragma once
 
@@ -47,13 +47,22 @@ inline bool is_good_texel(const float* rgb) {
   return (raw_luminance(rgb) <= FLT_MAX) & (darkest >= 0.0f);
 }
 
-/// Luminance of one RGB texel: 0 if it is bad, capped so that its square stays finite.
-inline float texel_luminance(const float* rgb) {
-  const float l = raw_luminance(rgb);
-  return is_good_texel(rgb) ? (l < kLargestLuminance ? l : kLargestLuminance) : 0.0f;
+/// A component as renders show it: 0 if it is NaN, infinite or negative. The texel's others count:
+/// a saturated sun's blue lies just below zero in many maps, and a density that takes the whole
+/// texel for black would leave the sun to chance.
+inline float usable_radiance(float component) {
+  return (component >= 0.0f) & (component <= FLT_MAX) ? component : 0.0f;
 }
 
-/// Luminance of row y into out[0, width). Bad texels are counted.
+/// Luminance of one RGB texel as renders show it, capped so that its square stays finite.
+inline float texel_luminance(const float* rgb) {
+  const float shown[3] = {usable_radiance(rgb[0]), usable_radiance(rgb[1]),
+                          usable_radiance(rgb[2])};
+  const float l = raw_luminance(shown);
+  return l < kLargestLuminance ? l : kLargestLuminance;
+}
+
+/// texel_luminance of row y into out[0, width). Bad texels are counted.
 void luminance_row(const LatLongImage& image, int y, float* out, BadTexels* bad);
 
 /// Counts bad texels of the whole image.

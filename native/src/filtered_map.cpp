@@ -94,10 +94,7 @@ FilteredMap::FilteredMap(const LatLongImage& image, const FilterConfig& config) 
   std::vector<float> clean(3 * (size_t)image.width);
   add_level(std::max(1, size / 2), image.height, [&](int y) {
     const float* row = image.texels + 3 * (int64_t)y * image.width;
-    for (int x = 0; x < image.width; ++x) {
-      const bool good = is_good_texel(row + 3 * (int64_t)x);
-      for (int c = 0; c < 3; ++c) clean[3 * x + c] = good ? row[3 * (int64_t)x + c] : 0.0f;
-    }
+    for (size_t i = 0; i < clean.size(); ++i) clean[i] = usable_radiance(row[i]);
     return SourceRow{clean.data(), image.width};
   });
   while (levels_.back().height > 1) {

@@ -53,9 +53,8 @@ std::array<std::array<double, 3>, 9> harmonic_coefficients(const LatLongImage& i
     double row[5][3] = {};
     for (int x = 0; x < width; ++x) {
       const float* t = image.texels + 3 * ((int64_t)y * width + x);
-      if (!is_good_texel(t)) continue;
       for (int k = 0; k < 5; ++k) {
-        for (int c = 0; c < 3; ++c) row[k][c] += waves[x][k] * t[c];
+        for (int c = 0; c < 3; ++c) row[k][c] += waves[x][k] * usable_radiance(t[c]);
       }
     }
     const RowIntegrals i = row_integrals(y, height);

@@ -57,7 +57,7 @@ std::vector<PointLight> make_point_lights(const LatLongImage& image,
         const double weight = solid_angles[y] * texel_luminance(t);
         const float axes[3] = {direction.x, direction.y, direction.z};
         for (int c = 0; c < 3; ++c) {
-          if (is_good_texel(t)) power[c] += solid_angles[y] * t[c];
+          power[c] += solid_angles[y] * usable_radiance(t[c]);
           place[c] += weight * axes[c];
           middle[c] += solid_angles[y] * axes[c];
         }

@@ -2,12 +2,14 @@
 // The changes a scene takes, and their checks; scene_commit.cpp builds from them.
 #include "src/scene.h"
 
+#include <cfloat>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
 
 #include "src/brdf_kdtree.h"
 #include "src/camera_setup.h"
+#include "src/environment_image.h"
 
 namespace skytree {
 namespace {
@@ -206,12 +208,11 @@ void Scene::set_environment(EnvironmentInput input) {
     const size_t count = size_t(input.width) * input.height * 3;
     const float* texels = input.texels.get();
     size_t bad = 0;
-    for (size_t i = 0; i < count; ++i) bad += !(texels[i] >= 0.0f && texels[i] <= 3.4e38f);
+    for (size_t i = 0; i < count; ++i) bad += !(texels[i] >= 0.0f && texels[i] <= FLT_MAX);
     if (bad) {
       std::shared_ptr<float> clean(new float[count], std::default_delete<float[]>());
       for (size_t i = 0; i < count; ++i) {
-        const bool good = texels[i] >= 0.0f && texels[i] <= 3.4e38f;
-        clean.get()[i] = good ? texels[i] : 0.0f;
+        clean.get()[i] = usable_radiance(texels[i]);
       }
       input.texels = std::move(clean);
       environment_warning_ = "environment: " + std::to_string(bad) +

@@ -130,6 +130,33 @@ TEST(Samplers, AgreeWithinNoise) {
   EXPECT_NEAR(mean_of(render(scene, small(2048))).r / reference.r, 1.0, 0.02);
 }
 
+TEST(Samplers, ASunWithBlueBelowZeroIsSampledAsItIsShown) {
+  // Out of the primaries' gamut: shown as (2000, 900, 0), so the samplers must know it as that.
+  const int width = 128, height = 64;
+  std::vector<float> pictures[2];
+  for (const bool below : {false, true}) {
+    std::vector<float> texels = make_sky(width, height);
+    const float sun[] = {2000.0f, 900.0f, below ? -0.01f : 0.0f};
+    std::copy(sun, sun + 3, texels.begin() + 3 * (20 * width + 30));
+    EnvironmentInput in;
+    in.texels = share(std::move(texels));
+    in.width = width;
+    in.height = height;
+    KdTreeConfig config;
+    config.split_criterion = SplitCriterion::MIN_VARIANCE;
+    config.block_probability = BlockProbability::MIN_VARIANCE;
+    config.compensation = 1.0;
+    in.sampler =
+        std::make_shared<KdTreeSampler>(LatLongImage{in.texels.get(), width, height}, config);
+    auto scene = furnace(diffuse(0.5f));
+    scene->set_environment(std::move(in));
+    RenderOptions options = small(4);
+    options.control_variate = true;
+    pictures[below] = render(scene, options);
+  }
+  EXPECT_EQ(pictures[0], pictures[1]);
+}
+
 TEST(Samplers, LightAloneAndBsdfAloneAgreeWithBoth) {
   const auto scene = make_spheres_scene(4.0 / 3.0);
   scene->set_environment(sky());

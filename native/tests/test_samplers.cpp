@@ -326,20 +326,25 @@ TEST(Samplers, ConstantAndBlackMapsAreSampledUniformly) {
   }
 }
 
-TEST(Samplers, BadTexelsAreCountedAndKeptOut) {
+TEST(Samplers, BadValuesAreCountedAndCountAsZeroAsInRenders) {
   Map map = testing::make_outdoor_map(64, 32);
   Map clean = map;
   for (int x = 0; x < 5; ++x) {
     const size_t texel = 3 * (size_t)(700 + 7 * x);
     map.texels[texel + 1] = x == 0 ? NAN : x < 3 ? INFINITY : -2.0f;
-    for (int c = 0; c < 3; ++c) clean.texels[texel + c] = 0.0f;
+    clean.texels[texel + 1] = 0.0f;
   }
+  // A sun of a colour that the map's primaries do not reach.
+  map.set(20, 8, 5000.0f);
+  clean.set(20, 8, 5000.0f);
+  map.texels[3 * (8 * 64 + 20) + 2] = -0.1f;
+  clean.texels[3 * (8 * 64 + 20) + 2] = 0.0f;
   const auto damaged = all_samplers(map.view(), 100), mended = all_samplers(clean.view(), 100);
   for (size_t i = 0; i + 1 < damaged.size(); ++i) {  // the uniform sampler reads no map
     SCOPED_TRACE(damaged[i].name);
     EXPECT_EQ(damaged[i].sampler->bad_texels().nan, 1);
     EXPECT_EQ(damaged[i].sampler->bad_texels().infinite, 2);
-    EXPECT_EQ(damaged[i].sampler->bad_texels().negative, 2);
+    EXPECT_EQ(damaged[i].sampler->bad_texels().negative, 3);
     EXPECT_EQ(mended[i].sampler->bad_texels().total(), 0);
     Numbers numbers(7);
     for (int k = 0; k < 1000; ++k) {

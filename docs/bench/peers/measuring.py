@@ -62,20 +62,25 @@ def mean_and_error(halves: list[np.ndarray]) -> dict[str, float]:
     return {"mean": float(mean), "standard_error": math.sqrt(per_pixel.mean() / per_pixel.size)}
 
 
-def renew_if_pictures_changed(renderers: Renderers, case: Case) -> None:
-    """Skytree's own reference outlives its wheel as long as the pictures keep their mean.
-
-    A reference by another wheel whose mean is off by more than noise is rendered anew; one by this wheel
-    stays, since then the difference is a bias.
-    """
+def renew_if_outdated(renderers: Renderers, case: Case) -> None:
+    """Skytree's own reference outlives its wheel as long as is_outdated says no; one by this wheel stays,
+    since then a difference is a bias."""
     files = reference_files(renderers, case, "SKYTREE")
     if rendered_by(files[0]) == renderers.wheel:
         return
     image, _ = renderers.render(case, REFERENCES["SKYTREE"][0], max(SAMPLES), WARM_UP_SEED)
-    difference = image.astype(np.float64).mean(axis=2) - np.mean([np.load(f) for f in files], axis=(0, 3))
-    noise = difference.std() / math.sqrt(difference.size)
-    if abs(difference.mean()) > max(4 * noise, 0.002 * image.mean()):
+    if is_outdated(image, [np.load(file) for file in files]):
         make_reference(renderers, case, "SKYTREE", fresh=True)
+
+
+def is_outdated(image: np.ndarray, halves: list[np.ndarray]) -> bool:
+    """Whether a reference's mean is off today's image by more than noise, or it is noisier than that image of
+    an eighth of its samples: fireflies of yesterday's engine would be subtracted from today's error."""
+    difference = image.mean(axis=2, dtype=np.float64) - np.mean(halves, axis=(0, 3), dtype=np.float64)
+    noise = difference.std() / math.sqrt(difference.size)
+    own = ((halves[0] - halves[1]).mean(axis=2, dtype=np.float64) / 2) ** 2
+    changed = abs(difference.mean()) > max(4 * noise, 0.002 * image.mean())
+    return bool(changed or own.mean() > 0.5 * (difference**2).mean())
 
 
 def steps_of(case_count: int) -> int:
@@ -90,7 +95,7 @@ def measure(renderers: Renderers, case: Case, map_file: Path, advance: Callable[
     for engine in REFERENCES:
         make_reference(renderers, case, engine)
         if engine == "SKYTREE":
-            renew_if_pictures_changed(renderers, case)
+            renew_if_outdated(renderers, case)
         halves[engine] = [np.load(file) for file in reference_files(renderers, case, engine)]
         advance()
     for method in METHODS:  # fills caches, compiles Mitsuba's kernels

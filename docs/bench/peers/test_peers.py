@@ -43,6 +43,14 @@ def test_a_firefly_in_the_reference_does_not_rule_the_figure():
     assert found == pytest.approx([0.1 / TRUTH.mean()] * 4, rel=0.05)
 
 
+def test_a_reference_is_outdated_by_another_mean_or_by_fireflies():
+    image, halves = noisy(0.1), [noisy(0.03), noisy(0.03)]
+    assert not measuring.is_outdated(image, halves)
+    assert measuring.is_outdated(1.01 * image, halves)
+    halves[1][40, 30:33] += 20.0
+    assert measuring.is_outdated(image, halves)
+
+
 def test_flip_is_none_for_the_same_image_and_grows_with_noise():
     quiet, loud = (measuring.flip_error(noisy(d), TRUTH) for d in (0.02, 0.2))
     assert measuring.flip_error(TRUTH, TRUTH) == 0

@@ -23,7 +23,7 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
     Radiance HDR and more; the largest level of the first part. Channels are found by name: R, G and B in any
     order, or Y or a single channel, which is taken as grey; others, alpha among them, are left out. Files of
     integers are taken as sRGB. A CompressedMap's file gives its blocks, without OpenImageIO. Values are as
-    stored: NaN, infinite and negative ones stay (samplers count and skip them).
+    stored: NaN, infinite and negative ones stay (samplers and renders take them for 0).
 
     Raises FileNotFoundError, IsADirectoryError, PermissionError or another OSError where the file cannot be
     read, ValueError where it is not an image of this kind, ImportError without OpenImageIO; each names the
