@@ -206,7 +206,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         update=_changed,
         name="Adaptive",
         default=True,
-        description="Final renders on the CPU, from 16 samples on: after a quarter of the samples the rest "
+        description="Final renders on the CPU, from 3 samples on: after a part of the samples the rest "
         "goes where the picture is still noisy, the same number in all. Pixels stay unbiased",
     )
     pixel_filter: EnumProperty(

@@ -533,8 +533,8 @@ the unshadowed map's, tile by tile as far as pilot paths find that it helps; the
 during the first 16 samples steers later light samples where much of the environment is hidden (CPU, kd-trees chosen by a
 warp); pixels then depend on the whole region that is rendered. product_sampling: light samples of glossy surfaces are
 directed to what their lobes reflect (kd-trees of linear blocks). adaptive_sampling: samples is the mean of all pixels;
-after a quarter of them the rest is shared out by the noise of each pixel's neighbours, which keeps pixels unbiased (CPU,
-from 16 samples on; pixels then depend on the region). blue_noise makes the errors of neighbouring pixels differ, which
+after the first of them the rest is shared out by the noise of each pixel's neighbours, which keeps pixels unbiased (CPU,
+from 3 samples on; pixels then depend on the region). blue_noise makes the errors of neighbouring pixels differ, which
 looks finer at few samples. sampler takes the place of the scene's own, so
 that two sessions compare samplers on one scene. candidates above 0 (for comparison and teaching): each light sample is
 chosen by BSDF times radiance from so many (Burke et al. 2005, unbiased), half of them BSDF samples if bsdf_sampling is on;

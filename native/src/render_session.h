@@ -37,9 +37,9 @@ struct RenderOptions {
   /// Steer light samples by what earlier shadow rays of the same render met (CPU; samplers with a
   /// warp). A part of a film then differs in its noise from the same part of the whole.
   bool learn_visibility = false;
-  /// Share out three quarters of the samples by where the first quarter found noise; `samples` is
-  /// the mean of all pixels (CPU; from SamplePlan::kLeastSamples on). A part of a film then differs
-  /// in its noise from the same part of the whole.
+  /// Share out most of the samples by where the first ones found noise; `samples` is the mean of
+  /// all pixels (CPU; from SamplePlan::kLeastSamples on). A part of a film then differs in its
+  /// noise from the same part of the whole.
   bool adaptive_sampling = false;
   bool blue_noise = false;  // neighbouring pixels' errors differ (kernel/rng.h)
   /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if

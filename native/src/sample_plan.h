@@ -20,7 +20,7 @@ namespace skytree {
 class SamplePlan {
  public:
   /// Fewer samples are spread evenly: there would be too few to measure with.
-  static constexpr int kLeastSamples = 16;
+  static constexpr int kLeastSamples = 3;
 
   /// For a film of width x height pixels that takes `samples` a pixel in the mean.
   SamplePlan(int width, int height, int samples);

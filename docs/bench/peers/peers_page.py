@@ -27,10 +27,10 @@ def section(results: list[Result], versions: dict[str, str], pictures: str) -> s
             f"{versions['MITSUBA']} renders the same triangles, camera and map, exported from there. "
             f"Maps, which come with Blender: {maps}.\n",
             listed + "\n",
-            "Best mode shares out three quarters of its samples by where the first quarter found noise, "
-            "from 16 samples on, which keeps every pixel unbiased (docs/rendering.md); *even* is best mode "
-            "without that. Cycles renders without its adaptive sampling, which stops pixels by their own "
-            "samples; Mitsuba has none.\n",
+            "Best mode shares out most of its samples by where the first ones, 2 of 4, 4 of 16, found noise, "
+            "which keeps every pixel unbiased (docs/rendering.md); *even* is best mode without that. Cycles "
+            "renders without its adaptive sampling, which stops pixels by their own samples; Mitsuba has "
+            "none.\n",
             f"Each renderer is judged against its own reference ({reference_words()}); the reference's own "
             "error is subtracted; the worst 0.1 % of an image's pixels are left out, and the 0.1 % in which "
             "the reference is least certain (nRMSE_tc and relMSE_tc, `skytree_core.metrics`). "
