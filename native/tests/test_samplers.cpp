@@ -306,6 +306,46 @@ TEST(Samplers, NoDirectionWithLightHasPdfZero) {
   }
 }
 
+/// What an alias table draws each texel with, times their number.
+std::vector<double> drawn_shares(const AliasView& table) {
+  const size_t count = (size_t)table.width * table.height;
+  std::vector<double> shares(count);
+  for (size_t i = 0; i < count; ++i) {
+    const AliasEntry& entry = table.entries[i];
+    EXPECT_GE(entry.threshold, 0.0f);
+    EXPECT_LE(entry.threshold, 1.0f);
+    shares[i] += entry.threshold;
+    shares[entry.alias] += 1.0 - entry.threshold;
+  }
+  return shares;
+}
+
+TEST(Samplers, AliasTableDrawsEveryTexelAsItsPdfSays) {
+  std::vector<NamedMap> maps = all_maps();
+  for (int sun : {0, 70, 159}) {  // rows: of all parts that are swept on their own one has spare
+    maps.push_back({"sun in row " + std::to_string(sun), Map(40, 160, 0.5f)});
+    maps.back().map.set(7, sun, 1e5f);
+  }
+  maps.push_back({"detail", testing::make_outdoor_map(256, 128)});
+  for (const NamedMap& map : maps) {
+    SCOPED_TRACE(map.name);
+    const LatLongImage image = map.map.view();
+    const AliasSampler sampler(image, 1), shared(image, 3);
+    const AliasView table = sampler.view().alias, other = shared.view().alias;
+    const std::vector<double> shares = drawn_shares(table);
+    const std::vector<double> solid_angles = row_solid_angles(image.width, image.height);
+    // What the rounding of all densities comes to may fall to one texel.
+    const double rounding = 1e-7 * (double)shares.size();
+    for (size_t i = 0; i < shares.size(); ++i) {
+      const double wanted =
+          table.entries[i].pdf * solid_angles[i / image.width] * (double)shares.size();
+      ASSERT_NEAR(shares[i], wanted, 1e-5 * wanted + rounding) << i;
+      ASSERT_EQ(table.entries[i].threshold, other.entries[i].threshold) << i;
+      ASSERT_EQ(table.entries[i].alias, other.entries[i].alias) << i;
+    }
+  }
+}
+
 TEST(Samplers, ConstantAndBlackMapsAreSampledUniformly) {
   for (float value : {0.0f, 3.0f}) {
     const Map map(40, 20, value);
