@@ -40,10 +40,11 @@ struct Candidate {
 
 class TreeGrowth::Builder {
  public:
-  Builder(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion)
+  Builder(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion,
+          ThreadTeam& team)
       : criterion_(criterion), shared_(std::move(statistics)), statistics_(*shared_) {
     if (criterion == SplitCriterion::RANGE)
-      ranges_ = std::make_unique<RangeTable>(statistics_.luminance());
+      ranges_ = std::make_unique<RangeTable>(statistics_.luminance(), team);
     const TexelRect whole = {{0, 0}, {statistics_.extent(0), statistics_.extent(1)}};
     add(whole, statistics_.sum(whole));
   }
@@ -213,8 +214,9 @@ class TreeGrowth::Builder {
   int32_t block_count_ = 1;
 };
 
-TreeGrowth::TreeGrowth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion)
-    : builder_(std::make_unique<Builder>(std::move(statistics), criterion)) {}
+TreeGrowth::TreeGrowth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion,
+                       ThreadTeam& team)
+    : builder_(std::make_unique<Builder>(std::move(statistics), criterion, team)) {}
 
 TreeGrowth::~TreeGrowth() = default;
 
@@ -229,7 +231,7 @@ BuildTree build_kdtree(const LatLongImage& image, Statistics statistics, int blo
   ThreadTeam team;
   TreeGrowth growth(
       measure_statistics(read_luminance(image, team, progress), statistics, team, progress),
-      criterion);
+      criterion, team);
   return growth.tree(block_count, team, progress);
 }
 

@@ -42,7 +42,8 @@ struct BuildTree {
 /// the image and the criterion only; equal variations split in order of creation.
 class TreeGrowth {
  public:
-  TreeGrowth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion);
+  TreeGrowth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion,
+             ThreadTeam& team);
   ~TreeGrowth();
 
   /// Fewer blocks come out if no block with variation is left: a constant map stays one block.

@@ -62,7 +62,7 @@ KdTreeSampler::KdTreeSampler(const LatLongImage& image, const KdTreeConfig& conf
     : KdTreeSampler(MapStatistics(image), config) {}
 
 KdTreeSampler::KdTreeSampler(MapStatistics& map, const KdTreeConfig& config)
-    : statistics_(config.statistics) {
+    : statistics_(config.statistics), threads_(config.threads) {
   const Stopwatch stopwatch;
   check_config(config);
   ThreadTeam team(config.threads);
@@ -79,7 +79,7 @@ KdTreeSampler::KdTreeSampler(MapStatistics& map, const KdTreeConfig& config)
   }
   for (int32_t block : blocks) rects_.push_back(tree.nodes[block].rect);
   fit_blocks(grown, blocks, team);
-  set_probabilities(tree, blocks, config);
+  set_probabilities(tree, blocks, config, team);
   layout_ = KdTreeLayout(tree, blocks, grid_);
   if (by_rank) {
     place_blocks_by_rank();
@@ -94,8 +94,9 @@ KdTreeSampler::KdTreeSampler(MapStatistics& map, const KdTreeConfig& config)
 
 namespace {
 
-/// How much further than wanted a tree is grown before its weakest branches are taken back.
-constexpr double kOvergrowth = 2.0;
+/// How much further than wanted a tree is grown before its weakest branches are taken back: twice
+/// as far, but no more than so many blocks. Of thousands of blocks the weakest are all alike.
+constexpr int kMostOvergrowth = 2048;
 
 /// Sum over the six axes of the squared irradiance on a plane that faces them, from the middle of
 /// every block.
@@ -147,7 +148,8 @@ MapStatistics::Tree KdTreeSampler::grow(MapStatistics& map, const KdTreeConfig& 
     return map.tree(kind, config.split_criterion, count, team, config.progress);
   }
   const int largest = automatic ? KdTreeConfig::kLargestAutoBlockCount : config.block_count;
-  const int count = std::min((int)(kOvergrowth * largest), KdTreeConfig::kLargestBlockCount);
+  const int count =
+      std::min(largest + std::min(largest, kMostOvergrowth), KdTreeConfig::kLargestBlockCount);
   MapStatistics::Tree grown = map.tree(kind, config.split_criterion, count, team, config.progress);
   const ImageStatistics& statistics = *grown.statistics;
   const std::vector<BuildNode>& nodes = grown.tree.nodes;
@@ -161,8 +163,13 @@ MapStatistics::Tree KdTreeSampler::grow(MapStatistics& map, const KdTreeConfig& 
   const size_t taken = automatic
                            ? splits_that_pay(grown.tree, statistics.grid(), splits, costs, largest)
                            : largest - 1;
+  std::vector<TiltMoments> tilts = {grown.tilts[0]};
+  for (size_t s = 0; s < std::min(taken, splits.size()); ++s) {
+    const int32_t child = nodes[splits[s]].first_child;
+    tilts.insert(tilts.end(), {grown.tilts[child], grown.tilts[child + 1]});
+  }
   grown.tree = take_splits(grown.tree, splits, taken);
-  grown.tilts.clear();  // were those of other nodes
+  grown.tilts = std::move(tilts);
   return grown;
 }
 
@@ -183,9 +190,7 @@ void KdTreeSampler::fit_blocks(const MapStatistics::Tree& grown, const std::vect
   const ImageStatistics& statistics = *grown.statistics;
   team.run_chunks((int)blocks.size(), 16, [&](int, int first, int last) {
     for (int b = first; b < last; ++b) {
-      const TiltMoments moments =
-          measure_tilt(statistics, rects_[b], grown.tree.nodes[blocks[b]].moments);
-      const FittedTilts fitted = fit_tilts(statistics, rects_[b], moments);
+      const FittedTilts fitted = fit_tilts(statistics, rects_[b], grown.tilts[blocks[b]]);
       // As the tables hold them, in 1/32768.
       tilts_[b] = {std::round(fitted.tilts.along * 32768) / 32768,
                    std::round(fitted.tilts.down * 32768) / 32768};
@@ -195,7 +200,7 @@ void KdTreeSampler::fit_blocks(const MapStatistics::Tree& grown, const std::vect
 }
 
 void KdTreeSampler::set_probabilities(const BuildTree& tree, const std::vector<int32_t>& blocks,
-                                      const KdTreeConfig& config) {
+                                      const KdTreeConfig& config, ThreadTeam& team) {
   const size_t count = blocks.size();
   double power = 0;
   for (int32_t block : blocks) power += tree.nodes[block].moments.power;
@@ -205,7 +210,7 @@ void KdTreeSampler::set_probabilities(const BuildTree& tree, const std::vector<i
   }
   std::vector<double> weights = empirical_;
   std::sort(empirical_.begin(), empirical_.end(), std::greater<double>());
-  fit_ = fit_rank_model(empirical_, config.rank_objective);
+  fit_ = fit_rank_model(empirical_, config.rank_objective, &team);
   if (config.block_probability == BlockProbability::FITTED) {
     probabilities_ = rank_probabilities((float)fit_.alpha, (int)count);
     return;
@@ -310,8 +315,10 @@ EnvSamplerView KdTreeSampler::view() const {
 EnvSamplerView KdTreeSampler::product_view() const {
   EnvSamplerView with = view();
   if (is_linear()) {
-    std::call_once(products_made_,
-                   [&] { products_ = std::make_unique<const ProductTable>(cut_.view()); });
+    std::call_once(products_made_, [&] {
+      ThreadTeam team(threads_);
+      products_ = std::make_unique<const ProductTable>(cut_.view(), team);
+    });
     with.kdtree.products = {cut_.view(), products_->cuts.data(), products_->means.data()};
   }
   return with;

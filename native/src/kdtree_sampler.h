@@ -95,7 +95,7 @@ class KdTreeSampler : public EnvironmentSampler {
   void fit_blocks(const MapStatistics::Tree& grown, const std::vector<int32_t>& blocks,
                   ThreadTeam& team);
   void set_probabilities(const BuildTree& tree, const std::vector<int32_t>& blocks,
-                         const KdTreeConfig& config);
+                         const KdTreeConfig& config, ThreadTeam& team);
   void place_blocks_by_rank();
   void place_blocks_by_warp();
   void place_linear_blocks();
@@ -120,6 +120,7 @@ class KdTreeSampler : public EnvironmentSampler {
   WarpLayout warp_layout_;
   // For product sampling, not among nbytes(), as sample() and pdf() do not read them.
   CutTables cut_;
+  int threads_;  // that make them
   mutable std::once_flag products_made_;
   mutable std::unique_ptr<const ProductTable> products_;
 };

@@ -15,36 +15,34 @@ constexpr double kPiDouble = 3.14159265358979323846;
 constexpr double kLargestTilt = 0.98;
 constexpr double kGauss = 0.5 - 0.28867513459481287;  // two points of Gauss and Legendre on [0, 1]
 
-/// Sums over cells of a row of centres' mean and of its integral times the column.
+double sum_of(const float (&lanes)[8]) {
+  const double low = ((double)lanes[0] + lanes[1]) + ((double)lanes[2] + lanes[3]);
+  const double high = ((double)lanes[4] + lanes[5]) + ((double)lanes[6] + lanes[7]);
+  return low + high;
+}
+
+/// Sums over cells of a row of centres' mean and of its integral times the column. Whole vectors
+/// are read: the luminance has as much slack at the end of its rows.
 SKY_CLONES void sum_row(const float* __restrict centres, int count, double* mean, double* along) {
-  float sums[8] = {}, moments[8] = {};
+  static_assert(LuminancePlane::kSlack >= 8);
   double sum = 0, moment = 0;
   constexpr int kRun = 512;  // before float sums become coarse
   for (int run = 0; run < count; run += kRun) {
     const int n = count - run < kRun ? count - run : kRun;
     const float* c = centres + run;
-    for (int lane = 0; lane < 8; ++lane) sums[lane] = moments[lane] = 0;
-    int x = 0;
-    for (; x + 8 <= n; x += 8) {
+    float sums[8] = {}, moments[8] = {};
+    for (int x = 0; x < n; x += 8) {
       for (int lane = 0; lane < 8; ++lane) {
         const float a = c[x + lane], b = c[x + lane + 1];
         const float mid = 0.5f * (a + b);
-        sums[lane] += mid;
-        moments[lane] += mid * ((float)(x + lane) + 0.5f) + (b - a) * (1.0f / 12.0f);
+        const float moment_of = mid * ((float)(x + lane) + 0.5f) + (b - a) * (1.0f / 12.0f);
+        sums[lane] += x + lane < n ? mid : 0.0f;
+        moments[lane] += x + lane < n ? moment_of : 0.0f;
       }
     }
-    for (; x < n; ++x) {
-      const float mid = 0.5f * (c[x] + c[x + 1]);
-      sums[0] += mid;
-      moments[0] += mid * ((float)x + 0.5f) + (c[x + 1] - c[x]) * (1.0f / 12.0f);
-    }
-    double s = 0, m = 0;
-    for (int lane = 0; lane < 8; ++lane) {
-      s += sums[lane];
-      m += moments[lane];
-    }
+    const double s = sum_of(sums);
     sum += s;
-    moment += m + run * s;
+    moment += sum_of(moments) + run * s;
   }
   *mean = sum;
   *along = moment;
@@ -93,35 +91,44 @@ SKY_CLONES SquareSums add_squares(const float* __restrict upper, const float* __
   return sum;
 }
 
-/// Weights at positions t in [0, 1]: what is to be divided by 1 + tilt (2t - 1).
+/// First and second derivative by the tilt of the sum of weights / (1 + tilt * positions).
+struct Slopes {
+  double first, second;
+};
+
+SKY_CLONES Slopes slopes_at(double tilt, const double* __restrict positions,
+                            const double* __restrict weights, int count) {
+  double first[4] = {}, second[4] = {};
+  int i = 0;
+  for (; i + 4 <= count; i += 4) {
+    for (int lane = 0; lane < 4; ++lane) {
+      const double x = positions[i + lane], g = 1 / (1 + tilt * x);
+      const double w = weights[i + lane] * g * g * x;
+      first[lane] -= w;
+      second[lane] += 2 * w * g * x;
+    }
+  }
+  for (; i < count; ++i) {
+    const double x = positions[i], g = 1 / (1 + tilt * x);
+    const double w = weights[i] * g * g * x;
+    first[0] -= w;
+    second[0] += 2 * w * g * x;
+  }
+  return {(first[0] + first[1]) + (first[2] + first[3]),
+          (second[0] + second[1]) + (second[2] + second[3])};
+}
+
+/// Weights at positions from -1 to 1: what is to be divided by 1 + tilt * position.
 struct Profile {
   std::vector<double> positions, weights;
 
-  void clear() {
-    positions.clear();
-    weights.clear();
-  }
-  void add(double position, double weight) {
-    positions.push_back(2 * position - 1);
-    weights.push_back(weight);
-  }
-  double integral(double tilt) const {
-    double sum = 0;
-    for (size_t i = 0; i < weights.size(); ++i) sum += weights[i] / (1 + tilt * positions[i]);
-    return sum;
-  }
   /// The tilt of least integral, which is convex in it: Newton's method, kept inside.
   double best_tilt(double tilt) const {
     for (int step = 0; step < 8; ++step) {
-      double slope = 0, curvature = 0;
-      for (size_t i = 0; i < weights.size(); ++i) {
-        const double g = 1 / (1 + tilt * positions[i]);
-        const double w = weights[i] * g * g * positions[i];
-        slope -= w;
-        curvature += 2 * w * g * positions[i];
-      }
-      if (!(curvature > 0)) break;
-      const double next = std::clamp(tilt - slope / curvature, -kLargestTilt, kLargestTilt);
+      const Slopes slopes = slopes_at(tilt, positions.data(), weights.data(), (int)weights.size());
+      if (!(slopes.second > 0)) break;
+      const double next =
+          std::clamp(tilt - slopes.first / slopes.second, -kLargestTilt, kLargestTilt);
       const double moved = std::abs(next - tilt);
       tilt = next;
       if (moved < 1e-3) break;
@@ -204,48 +211,57 @@ FittedTilts fit_tilts(const ImageStatistics& statistics, const TexelRect& rect,
   const double start_height =
       southern ? grid.height_from_south(rect.lo[1]) : grid.height_at(rect.lo[1]);
 
-  std::vector<float> factors[2], columns[2];
+  struct Line {  // where the map is looked at: at a share f between a row of centres and the next
+    int y;
+    float f;
+    double solid_angle;  // of half a cell's width
+  };
+  std::vector<Line> lines;
   Profile across, down;
+  for_some_rows(rect, kFittedCells, [&](int y) {
+    const double from = scale * grid.half_texels(y), to = scale * grid.half_texels(y + 1);
+    for (double f : {kGauss, 1 - kGauss}) {
+      const double theta = from + f * (to - from);
+      const double sine = std::sin(0.5 * (southern ? kPiDouble - theta : theta));
+      const double q = std::clamp(
+          (southern ? start_height - sine * sine : sine * sine - start_height) / rise, 0.0, 1.0);
+      lines.push_back({y, (float)f, 0.25 * statistics.cell_row(y).solid_angle()});
+      down.positions.push_back(2 * q - 1);
+    }
+  });
+  for (int i = 0; i < 2; ++i) {
+    for (int x = 0; x < count; ++x) {
+      const double p = (x + (i == 0 ? kGauss : 1 - kGauss)) / count;
+      across.positions.push_back(2 * p - 1);
+    }
+  }
+  down.weights.resize(lines.size());
+  // Of both points in a cell, those of all its first points before those of its second.
+  std::vector<float> factors(2 * (size_t)count), columns;
   Tilts tilts = tilts_of(grid, rect, moments);
   FittedTilts best;
   constexpr int kPasses = 3;
   for (int pass = 0; pass < kPasses; ++pass) {
-    for (int i = 0; i < 2; ++i) {
-      factors[i].resize(count);
-      columns[i].assign(count, 0.0f);
-      for (int x = 0; x < count; ++x) {
-        const double p = (x + (i == 0 ? kGauss : 1 - kGauss)) / count;
-        factors[i][x] = (float)(1 / (1 + tilts.along * (2 * p - 1)));
-      }
+    for (size_t i = 0; i < factors.size(); ++i) {
+      factors[i] = (float)(1 / (1 + tilts.along * across.positions[i]));
     }
-    across.clear();
-    down.clear();
+    columns.assign(factors.size(), 0.0f);
     double integral = 0, plain = 0;
-    for_some_rows(rect, kFittedCells, [&](int y) {
-      const double from = scale * grid.half_texels(y), to = scale * grid.half_texels(y + 1);
-      const double cell = 0.25 * statistics.cell_row(y).solid_angle();
-      for (double f : {kGauss, 1 - kGauss}) {
-        const double theta = from + f * (to - from);
-        const double sine = std::sin(0.5 * (southern ? kPiDouble - theta : theta));
-        const double q = std::clamp(
-            (southern ? start_height - sine * sine : sine * sine - start_height) / rise, 0.0, 1.0);
-        const double shape = 1 + tilts.down * (2 * q - 1);
-        const SquareSums row =
-            add_squares(plane.row(y - 1) + rect.lo[0], plane.row(y) + rect.lo[0], (float)f, count,
-                        (float)(cell / shape), factors[0].data(), factors[1].data(),
-                        columns[0].data(), columns[1].data());
-        plain += row.plain * shape;
-        integral += row.weighted;
-        down.add(q, row.weighted * shape);
-      }
-    });
+    for (size_t i = 0; i < lines.size(); ++i) {
+      const Line& line = lines[i];
+      const double shape = 1 + tilts.down * down.positions[i];
+      const SquareSums row =
+          add_squares(plane.row(line.y - 1) + rect.lo[0], plane.row(line.y) + rect.lo[0], line.f,
+                      count, (float)(line.solid_angle / shape), factors.data(),
+                      factors.data() + count, columns.data(), columns.data() + count);
+      plain += row.plain * shape;
+      integral += row.weighted;
+      down.weights[i] = row.weighted * shape;
+    }
     integral *= plain > 0 ? moments.square / plain : 0.0;
     if (pass == 0 || integral < best.integral) best = {tilts, integral};
-    for (int i = 0; i < 2; ++i) {
-      for (int x = 0; x < count; ++x) {
-        across.add((x + (i == 0 ? kGauss : 1 - kGauss)) / count, columns[i][x]);
-      }
-    }
+    if (pass + 1 == kPasses) break;
+    across.weights.assign(columns.begin(), columns.end());
     const Tilts next = {across.best_tilt(tilts.along), down.best_tilt(tilts.down)};
     const double moved =
         std::max(std::abs(next.along - tilts.along), std::abs(next.down - tilts.down));

@@ -23,7 +23,7 @@ MapStatistics::Tree MapStatistics::tree(Statistics statistics, SplitCriterion cr
   auto& measured = statistics_[statistics];
   if (!measured) measured = measure_statistics(luminance_, statistics, team, progress);
   auto& growth = growths_[{statistics, criterion}];
-  if (!growth) growth = std::make_unique<Growth>(measured, criterion);
+  if (!growth) growth = std::make_unique<Growth>(measured, criterion, team);
   Tree tree;
   tree.statistics = measured;
   try {

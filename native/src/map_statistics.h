@@ -39,8 +39,9 @@ class MapStatistics {
 
  private:
   struct Growth {
-    Growth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion)
-        : tree(std::move(statistics), criterion) {}
+    Growth(std::shared_ptr<const ImageStatistics> statistics, SplitCriterion criterion,
+           ThreadTeam& team)
+        : tree(std::move(statistics), criterion, team) {}
 
     TreeGrowth tree;
     std::vector<TiltMoments> tilts;

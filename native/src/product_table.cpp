@@ -3,7 +3,8 @@
 
 namespace skytree {
 
-ProductTable::ProductTable(const CutView& cut) : cuts(kTableCuts), means(kTableCuts) {
+ProductTable::ProductTable(const CutView& cut, ThreadTeam& team)
+    : cuts(kTableCuts), means(kTableCuts) {
   // As arrays, for loops that the compiler vectorises.
   float x[kLargestCut], y[kLargestCut], z[kLargestCut], spread[kLargestCut];
   for (int32_t i = 0; i < cut.count; ++i) {
@@ -16,7 +17,7 @@ ProductTable::ProductTable(const CutView& cut) : cuts(kTableCuts), means(kTableC
   }
   // Of the directions in a cell about its middle, as if it were a square.
   const float cell_spread = 0.25f * (4.0f * kPi / kLobeAxes) / 6.0f;
-  for (int32_t cell = 0; cell < kLobeAxes; ++cell) {
+  team.run(kLobeAxes, [&](int, int cell) {
     const Vec3 axis = lobe_axis(cell);
     float cosines[kLargestCut], importance[kLargestCut];
     for (int32_t i = 0; i < cut.count; ++i) {
@@ -34,7 +35,7 @@ ProductTable::ProductTable(const CutView& cut) : cuts(kTableCuts), means(kTableC
     }
     for (int32_t i = 0; i < cut.count; ++i) importance[i] = table_cosine(cosines[i]);
     make(kCosineCuts + cell);
-  }
+  });
 }
 
 }  // namespace skytree

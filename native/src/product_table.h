@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "kernel/product_lobes.h"
+#include "src/thread_team.h"
 
 namespace skytree {
 
@@ -12,7 +13,7 @@ struct ProductTable {
   std::vector<ProductCut> cuts;
   std::vector<float> means;
 
-  explicit ProductTable(const CutView& cut);
+  ProductTable(const CutView& cut, ThreadTeam& team);
 };
 
 }  // namespace skytree

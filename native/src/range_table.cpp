@@ -20,22 +20,22 @@ SKY_CLONES void include_row(const float* __restrict row, int count, float* __res
 
 }  // namespace
 
-RangeTable::RangeTable(const LuminancePlane& luminance)
+RangeTable::RangeTable(const LuminancePlane& luminance, ThreadTeam& team)
     : luminance_(luminance), columns_((luminance.width() + kTile - 1) / kTile) {
   const int width = luminance.width(), height = luminance.height();
-  std::vector<float> smallest(width), largest(width);
-  for (int strip = 0; strip < height; strip += kTile) {
-    std::fill(smallest.begin(), smallest.end(), FLT_MAX);
-    std::fill(largest.begin(), largest.end(), 0.0f);
-    for (int y = strip; y < std::min(strip + kTile, height); ++y) {
+  tiles_.resize((size_t)columns_ * ((height + kTile - 1) / kTile));
+  team.run_chunks(height, kTile, [&](int, int first, int last) {
+    std::vector<float> smallest(width, FLT_MAX), largest(width, 0.0f);
+    for (int y = first; y < last; ++y) {
       include_row(luminance.row(y), width, smallest.data(), largest.data());
     }
+    Bounds* tile = &tiles_[(size_t)(first / kTile) * columns_];
     for (int x = 0; x < width; x += kTile) {
       const int end = std::min(x + kTile, width);
-      tiles_.push_back({*std::min_element(&smallest[x], smallest.data() + end),
-                        *std::max_element(&largest[x], largest.data() + end)});
+      *tile++ = {*std::min_element(&smallest[x], smallest.data() + end),
+                 *std::max_element(&largest[x], largest.data() + end)};
     }
-  }
+  });
 }
 
 void RangeTable::include_texels(const TexelRect& rect, Bounds* bounds) const {

@@ -12,7 +12,7 @@ namespace skytree {
 class RangeTable {
  public:
   /// Keeps a reference to the plane.
-  explicit RangeTable(const LuminancePlane& luminance);
+  RangeTable(const LuminancePlane& luminance, ThreadTeam& team);
 
   /// Largest minus smallest.
   double range(const TexelRect& rect) const;

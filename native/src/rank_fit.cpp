@@ -92,19 +92,26 @@ std::vector<double> rank_probabilities(double alpha, int count) {
   return probabilities;
 }
 
-RankFit fit_rank_model(const std::vector<double>& empirical, RankObjective objective) {
+RankFit fit_rank_model(const std::vector<double>& empirical, RankObjective objective,
+                       ThreadTeam* team) {
   const int count = (int)empirical.size();
   const RankCost cost(empirical, objective);
   const double lowest = std::log(kSmallestAlpha);
   const double highest = std::log(kLargestAlphaPerBlock * count);
   constexpr int kScan = 48;
+  const auto candidate = [&](int i) { return lowest + (highest - lowest) * i / kScan; };
+  double costs[kScan];
+  const auto scan = [&](int, int i) { costs[i] = cost.cost(candidate(i)); };
+  if (team) {
+    team->run(kScan, scan);
+  } else {
+    for (int i = 0; i < kScan; ++i) scan(0, i);
+  }
   double best = highest, best_cost = cost.cost(highest);
   for (int i = 0; i < kScan; ++i) {
-    const double candidate = lowest + (highest - lowest) * i / kScan;
-    const double candidate_cost = cost.cost(candidate);
-    if (candidate_cost < best_cost) {
-      best = candidate;
-      best_cost = candidate_cost;
+    if (costs[i] < best_cost) {
+      best = candidate(i);
+      best_cost = costs[i];
     }
   }
   if (count > 1) {

@@ -5,6 +5,8 @@
 
 #include <vector>
 
+#include "src/thread_team.h"
+
 namespace skytree {
 
 /// What the fit makes small, with p the empirical and q the model's probabilities.
@@ -28,9 +30,10 @@ constexpr double kSmallestAlpha = 1e-30;
 constexpr double kLargestAlphaPerBlock = 1e5;
 
 /// The best alpha between the model's probabilities, integrated over each rank, and the empirical
-/// ones (n >= 1, descending, sum 1).
+/// ones (n >= 1, descending, sum 1). With a team its threads share the work.
 RankFit fit_rank_model(const std::vector<double>& empirical,
-                       RankObjective objective = RankObjective::LEAST_SQUARES);
+                       RankObjective objective = RankObjective::LEAST_SQUARES,
+                       ThreadTeam* team = nullptr);
 
 /// The model in double: probability of each rank.
 std::vector<double> rank_probabilities(double alpha, int count);

@@ -9,10 +9,10 @@ namespace {
 
 /// What a branch saves for each block that it has more than its root alone.
 struct Branch {
-  double worth;
-  int32_t node;
+  double worth = 0;
+  int32_t node = -1;  // none
 
-  bool operator<(const Branch& other) const {  // the queue's top: least worth, then made last
+  bool operator<(const Branch& other) const {  // the largest: least worth, then made last
     return worth != other.worth ? worth > other.worth : node < other.node;
   }
 };
@@ -42,17 +42,22 @@ std::vector<int32_t> best_splits(const BuildTree& tree, const std::vector<double
     branch_costs[i] = branch_costs[child] + branch_costs[child + 1];
   }
   const auto worth = [&](int32_t i) { return (costs[i] - branch_costs[i]) / (blocks[i] - 1); };
-  std::priority_queue<Branch> weakest;
-  for (int32_t i = 0; i < count; ++i) {
-    if (tree.nodes[i].first_child >= 0) weakest.push({worth(i), i});
+  // The weakest branch at or below each node: taking one back changes those above it alone.
+  std::vector<Branch> weakest(count);
+  const auto find_weakest = [&](int32_t i) {
+    const int32_t child = tree.nodes[i].first_child;
+    weakest[i] = {worth(i), i};
+    for (int32_t below : {child, child + 1}) {
+      if (weakest[below].node >= 0 && weakest[i] < weakest[below]) weakest[i] = weakest[below];
+    }
+  };
+  for (int32_t i = count - 1; i >= 0; --i) {
+    if (tree.nodes[i].first_child >= 0) find_weakest(i);
   }
   int32_t step = 0;
   std::vector<int32_t> stack;
-  while (!weakest.empty()) {
-    const Branch branch = weakest.top();
-    weakest.pop();
-    const int32_t node = branch.node;
-    if (removed[node] >= 0 || branch.worth != worth(node)) continue;  // gone, or queued again
+  while (weakest[0].node >= 0) {
+    const int32_t node = weakest[0].node;
     stack.assign(1, node);
     while (!stack.empty()) {
       const int32_t i = stack.back();
@@ -63,12 +68,13 @@ std::vector<int32_t> best_splits(const BuildTree& tree, const std::vector<double
       stack.push_back(tree.nodes[i].first_child + 1);
     }
     ++step;
+    weakest[node] = Branch();
     const double cost = costs[node] - branch_costs[node];
     const int32_t fewer = blocks[node] - 1;
     for (int32_t i = node; i >= 0; i = parents[i]) {
       branch_costs[i] += cost;
       blocks[i] -= fewer;
-      if (i != node) weakest.push({worth(i), i});
+      if (i != node) find_weakest(i);
     }
   }
   std::vector<int32_t> splits;

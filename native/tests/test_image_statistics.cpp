@@ -235,7 +235,8 @@ TEST(RangeTable, RangeIsThatOfTheTexels) {
   const Map map = noisy_map(50, 40, 4);
   const ImageStatistics statistics = measure(map, Statistics::PIXELS);
   const LuminancePlane& plane = statistics.luminance();
-  const RangeTable table(plane);
+  ThreadTeam team(3);
+  const RangeTable table(plane, team);
   std::mt19937 generator(5);
   for (int i = 0; i < 500; ++i) {
     const TexelRect rect = random_rect(generator, 50, 40);
