@@ -265,6 +265,28 @@ def demo_objects(scene):
     sphere(scene, (1.2, 0, 1), material=glossy)
 
 
+class Updates:
+    """Hands each evaluated depsgraph to a renderer while its updates can still be read, as in a 3D view."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+
+    def __enter__(self):
+        bpy.app.handlers.depsgraph_update_post.append(self._on_update)
+        bpy.context.view_layer.update()
+        return self
+
+    def __exit__(self, *error):
+        bpy.context.view_layer.update()
+        bpy.app.handlers.depsgraph_update_post.remove(self._on_update)
+
+    def _on_update(self, scene, depsgraph):
+        self.renderer.update(depsgraph)
+
+    def now(self):
+        bpy.context.view_layer.update()
+
+
 @contextmanager
 def short_of_memory(megabytes: int):
     """Lets this process have no more than so much memory beside what it has."""

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 import scenes
-from scenes import part
+from scenes import Updates, part
 
 WIDTH, HEIGHT = 48, 32
 
@@ -136,6 +136,75 @@ def test_a_report_renders_on_the_scenes_device(skytree, lit, tmp_path):
         assert gpu["nrmse_tc"] == pytest.approx(cpu["nrmse_tc"], rel=2e-2)
         assert gpu["rmse"] == pytest.approx(cpu["rmse"], rel=2e-2)
         assert documents["CUDA"]["times"][side][-1]["device_seconds"] > 0.0
+
+
+@pytest.fixture
+def compared_view(skytree, lit):
+    """(function that looks at the scene as it is, CompareView after the first look), two samples."""
+    lit.skytree_compare.samples = 2
+    renderer = part(skytree, "viewport.renderer").ViewportRenderer()
+    renderer.update(bpy.context.evaluated_depsgraph_get())
+    module = part(skytree, "compare.view")
+    view = module.CompareView(renderer)
+
+    def look_until_complete(view=view):
+        view.look(module.Request.of(camera_view(skytree, lit), lit))
+        end = time.perf_counter() + 120.0
+        while view.busy:
+            assert time.perf_counter() < end, "the comparison does not come to an end"
+            renderer.advance()
+            view.advance()
+            time.sleep(0.002)
+        assert view.problem == ""
+        return tuple(view.sides[name].picture for name in "ab")
+
+    def fresh():
+        other = module.CompareView(renderer)
+        try:
+            return look_until_complete(other)
+        finally:
+            other.close()
+
+    yield look_until_complete, fresh, renderer
+    view.close()
+    renderer.close()
+
+
+def test_a_side_that_is_not_changed_keeps_its_picture(compared_view, lit):
+    look, fresh, _ = compared_view
+    compared = lit.skytree_compare
+    a, b = look()
+    for settings in ({"method": "ALIAS"}, {"method": "KDTREE", "block_count": 77}):
+        for name, value in settings.items():
+            setattr(compared.a, name, value)
+        new_a, new_b = look()
+        assert new_a is not a and new_b is b
+        for shown, expected in zip((new_a, new_b), fresh(), strict=True):
+            np.testing.assert_array_equal(shown.pixels, expected.pixels)
+        a = new_a
+    compared.b.method = "INVERSION"
+    new_a, new_b = look()
+    assert new_a is a and new_b is not b
+
+
+def test_both_sides_follow_what_both_depend_on(compared_view, lit):
+    look, _, renderer = compared_view
+    before = look()
+    lit.skytree_compare.samples = 3
+    after = look()
+    assert not set(map(id, before)) & set(map(id, after))
+    lit.skytree_compare.a.method, before = "UNIFORM", after
+    with Updates(renderer) as updates:
+        bpy.data.objects["Sphere"].location.z += 0.5
+        updates.now()
+    after = look()
+    assert not set(map(id, before)) & set(map(id, after))
+    # Two that are given equal time have to share the machine.
+    lit.skytree_compare.clock, lit.skytree_compare.seconds = "TIME", 0.05
+    before = look()
+    lit.skytree_compare.a.method = "ALIAS"
+    after = look()
+    assert not set(map(id, before)) & set(map(id, after))
 
 
 def test_a_view_compares_on_the_scenes_device(skytree, lit):

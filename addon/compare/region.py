@@ -10,7 +10,7 @@ from bpy.app.handlers import persistent
 from bpy.props import IntProperty
 
 from ..viewport import clock as viewport_clock
-from ..viewport.renderer import LONGEST_WAIT_SECONDS, ViewportRenderer
+from ..viewport.renderer import ViewportRenderer
 from ..viewport.view import free_rectangle, view_of
 from . import draw as compare_draw
 from . import labels
@@ -45,7 +45,7 @@ def draw(renderer: ViewportRenderer, context) -> bool:
         _close_vanished()
         view = _views[region.as_pointer()] = CompareView(renderer)
     view.look(Request.of(seen, scene))
-    view.wait_for_picture(LONGEST_WAIT_SECONDS)
+    view.wait_for_picture()
     compare_draw.draw_pictures(view, compared.mode, compared.split, compared.show_b, compared.gain)
     if view.busy:
         viewport_clock.watch(view, region)

@@ -49,6 +49,7 @@ class Side:
     steps: list[Step] = field(default_factory=list)
     workers: tuple[int, str] = (0, "CPU")  # threads and device of the session
     finished: bool = False
+    made_for: tuple | None = None  # (subject, request) of the picture
 
     def uploaded(self):
         """The picture as a texture, or None."""

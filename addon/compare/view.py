@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,11 @@ import numpy as np
 from .. import native
 from ..environments import BuiltEnvironment, environments
 from ..viewport.renderer import (
+    BOTH_WAIT_SECONDS,
     FIRST_PICTURE_SECONDS,
+    LONGEST_WAIT_SECONDS,
     REFINEMENT_SECONDS,
+    SAMPLER_WAIT_SECONDS,
     Picture,
     ViewportRenderer,
 )
@@ -47,7 +50,7 @@ class CompareView:
         self.capture: Capture | None = None
         self.problem = ""
         self._next: Request | None = None
-        self._made_for: tuple | None = None  # (subject, request) of the pictures
+        self._kept: frozenset[str] = frozenset()  # sides whose complete pictures stay
         self._stale = True
         self._divisor = 0
         self._started = 0.0
@@ -125,6 +128,11 @@ class CompareView:
     # Going on
 
     @property
+    def urgent(self) -> bool:
+        """Whether what is shown is older than what was asked for."""
+        return not self.problem and (self._stale or self._awaits_first_picture())
+
+    @property
     def busy(self) -> bool:
         if self.capture is not None or self._measuring or self._awaited_figures or self._renderer.busy:
             return True
@@ -139,10 +147,15 @@ class CompareView:
             self._divisor, self.capture = 0, None
             return True
 
-    def wait_for_picture(self, seconds: float):
-        """Waits for the first picture of the view if there is none yet."""
-        end = time.perf_counter() + seconds
+    def wait_for_picture(self):
+        """Waits for the first picture of the view if there is none yet, and for samplers before it."""
+        end = time.perf_counter() + LONGEST_WAIT_SECONDS
         self.advance()
+        if self._stale and self.capture is None:
+            end += BOTH_WAIT_SECONDS - LONGEST_WAIT_SECONDS
+            samplers = [side.sampler for side in self.sides.values() if side.sampler is not None]
+            wait(samplers, SAMPLER_WAIT_SECONDS)
+            self.advance()
         while self._awaits_first_picture() and time.perf_counter() < end:
             for side in self._rendering():
                 side.session.wait(max(end - time.perf_counter(), 0.0))
@@ -221,11 +234,25 @@ class CompareView:
         return self._divisor > 1 and any(not side.finished for side in self.sides.values())
 
     def _adopt(self, request: Request):
-        self.request, self._next = request, None
+        before, self.request, self._next = self.request, request, None
+        kept = frozenset(name for name in SIDES if self._remains(name, before, request))
         self._stop()
+        self._kept = kept
+
+    def _remains(self, name: str, before: Request | None, request: Request) -> bool:
+        """Whether a side's picture is complete and what `request` asks for as well. At equal time both sides
+        have to run side by side again."""
+        if before is None or request.clock.kind == "TIME" or (self._stale and name not in self._kept):
+            return False
+        if replace(before, methods=request.methods) != request:
+            return False
+        side, i = self.sides[name], SIDES.index(name)
+        is_complete = side.finished and side.picture is not None and side.picture.divisor == 1
+        return is_complete and request.methods[i] is not None and request.methods[i] == before.methods[i]
 
     def _stop(self):
         """Stands still, so that the scene may be changed."""
+        self._kept = frozenset()
         if self.capture is not None:
             self.capture.session.cancel()
             self.capture = None
@@ -237,9 +264,12 @@ class CompareView:
         self._stale = True
 
     def _begin(self):
-        """Starts both sides once their samplers are built."""
+        """Starts the sides that have to be made once their samplers are built."""
         sync = self._scene()
-        for side, method in zip(self.sides.values(), self.request.methods, strict=True):
+        for name, method in zip(SIDES, self.request.methods, strict=True):
+            if name in self._kept:
+                continue
+            side = self.sides[name]
             side.method = method
             side.sampler = None
             if method is not None:
@@ -250,10 +280,12 @@ class CompareView:
             return
         self.problem = ""
         self._stale = False
-        self._made_for = self.subject(), self.request
-        for side in self.sides.values():
-            side.steps, side.measured_at, side.seconds = [], 0, 0.0
-            self._show_reference(side)
+        made_for = self.subject(), self.request
+        for name, side in self.sides.items():
+            if name not in self._kept:
+                side.made_for = made_for
+                side.steps, side.measured_at, side.seconds = [], 0, 0.0
+                self._show_reference(side)
         self._start(self._first_divisor())
 
     def _request_figures(self):
@@ -297,7 +329,9 @@ class CompareView:
         width, height, border = request.view.scaled(divisor)
         count = request.clock.samples if request.clock.kind == "SAMPLES" else UNLIMITED_SAMPLES
         self._divisor, self._started = divisor, time.perf_counter()
-        for side in self._drawn_by_session():
+        for name, side in self.sides.items():
+            if side.method is None or name in self._kept:
+                continue
             workers = self._threads(), request.settings.device
             if side.session is None or side.workers != workers:
                 side.session, side.workers = native.core().RenderSession(*workers), workers
@@ -334,14 +368,14 @@ class CompareView:
         job = self._worker.submit(
             make_step, side.picture.samples, pixels, reference, side.seconds, device_seconds
         )
-        self._measuring.append((name, self._made_for, job))
+        self._measuring.append((name, side.made_for, job))
 
     def _collect_measurements(self) -> bool:
         done = [entry for entry in self._measuring if entry[2].done()]
         self._measuring = [entry for entry in self._measuring if not entry[2].done()]
         for name, made_for, job in done:
-            if made_for is self._made_for and not job.cancelled():
-                side = self.sides[name]
+            side = self.sides[name]
+            if made_for is side.made_for and not job.cancelled():
                 side.steps = [step for step in side.steps if step.samples < job.result().samples]
                 side.steps.append(job.result())
         before = len(self._awaited_figures)

@@ -12,9 +12,11 @@ import weakref
 import bpy
 
 TICK_SECONDS = 0.015
+# While what is shown is older than what was asked for.
+EAGER_SECONDS = 0.004
 
-# Anything with `advance() -> bool` and `busy`, by the address of the region that shows it. The address is
-# only compared: a region may be gone at any time, and with it what lies there.
+# Anything with `advance() -> bool`, `busy` and `urgent`, by the address of the region that shows it. The
+# address is only compared: a region may be gone at any time, and with it what lies there.
 _watched: dict[int, weakref.WeakSet] = {}
 
 
@@ -22,7 +24,7 @@ def watch(renderer, region):
     """Calls `renderer.advance()` until it is not `busy`; whenever that returns True the region is redrawn."""
     _watched.setdefault(region.as_pointer(), weakref.WeakSet()).add(renderer)
     if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=TICK_SECONDS, persistent=True)
+        bpy.app.timers.register(_tick, first_interval=EAGER_SECONDS, persistent=True)
 
 
 def forget(renderer):
@@ -79,4 +81,7 @@ def _tick():
         for region, _ in regions():
             if region.as_pointer() in redraw:
                 region.tag_redraw()
-    return TICK_SECONDS if _watched else None
+    if not _watched:
+        return None
+    urgent = any(renderer.urgent for renderers in _watched.values() for renderer in renderers)
+    return EAGER_SECONDS if urgent else TICK_SECONDS

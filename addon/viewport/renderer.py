@@ -30,6 +30,10 @@ alive: weakref.WeakSet[ViewportRenderer] = weakref.WeakSet()
 FIRST_PICTURE_SECONDS = 0.015
 # ...and a redraw waits for it no longer than this, so that it shows the view it was asked for.
 LONGEST_WAIT_SECONDS = 0.02
+# A sampler gets so much; if it is ready then, both together get no more than the second. Drawing an old
+# picture takes the processor from the threads that build where OpenGL is software.
+SAMPLER_WAIT_SECONDS = 0.025
+BOTH_WAIT_SECONDS = 0.037
 COARSEST_DIVISOR = 8
 # Of one pixel sample, before anything has been measured.
 ASSUMED_SECONDS = 1e-6
@@ -196,6 +200,11 @@ class ViewportRenderer:
         return self._stale or self._divisor > 0 or self._waiting_for_sampler()
 
     @property
+    def urgent(self) -> bool:
+        """Whether what is shown is older than what was asked for."""
+        return not self.problem and (self._waiting_for_sampler() or (self._divisor > 0 and self._taken == 0))
+
+    @property
     def running(self) -> bool:
         return self._session is not None and self._session.running
 
@@ -236,11 +245,12 @@ class ViewportRenderer:
             return self._advance()
         return True
 
-    def wait_for_picture(self, seconds: float = LONGEST_WAIT_SECONDS):
+    def wait_for_picture(self):
         """Waits for the first picture of the view if there is none yet, and for the sampler before it."""
-        end = time.perf_counter() + seconds
+        end = time.perf_counter() + LONGEST_WAIT_SECONDS
         if self._waiting_for_sampler():
-            self.sync.wait_for_sampler(seconds)
+            end += BOTH_WAIT_SECONDS - LONGEST_WAIT_SECONDS
+            self.sync.wait_for_sampler(SAMPLER_WAIT_SECONDS)
             self.advance()
         if self.running and self._taken == 0:
             self._session.wait(max(end - time.perf_counter(), 0.0))
