@@ -59,6 +59,12 @@ void render_objects(benchmark::State& state, TreeKind kind, const RenderOptions&
   time_renders(state, scene, options, make);
 }
 
+/// A closed room with a window.
+void render_room(benchmark::State& state, const RenderOptions& options,
+                 std::shared_ptr<const EnvironmentSampler> make(const LatLongImage&)) {
+  time_renders(state, make_room_scene(false), options, make);
+}
+
 RenderOptions bounces(int count) {
   RenderOptions options;
   options.max_bounces = count;
@@ -69,6 +75,12 @@ RenderOptions best() {
   RenderOptions options = bounces(0);
   options.light_rays = 2;
   options.control_variate = true;
+  return options;
+}
+
+RenderOptions learning() {
+  RenderOptions options = best();
+  options.learn_visibility = true;
   return options;
 }
 
@@ -85,7 +97,18 @@ std::shared_ptr<const EnvironmentSampler> compensated(const LatLongImage& image)
   return std::make_shared<KdTreeSampler>(image, config);
 }
 
+std::shared_ptr<const EnvironmentSampler> linear(const LatLongImage& image) {
+  KdTreeConfig config;
+  config.split_criterion = SplitCriterion::MIN_VARIANCE;
+  config.block_probability = BlockProbability::MIN_VARIANCE;
+  config.block_density = BlockDensity::LINEAR;
+  config.compensation = 1.0;
+  return std::make_shared<KdTreeSampler>(image, config);
+}
+
 BENCHMARK_CAPTURE(render_spheres, best, best(), compensated)->UseManualTime();
+BENCHMARK_CAPTURE(render_room, best, best(), linear)->UseManualTime();
+BENCHMARK_CAPTURE(render_room, learning, learning(), linear)->UseManualTime();
 BENCHMARK_CAPTURE(render_objects, flat, TreeKind::kFlat, best(), compensated)->UseManualTime();
 BENCHMARK_CAPTURE(render_objects, instanced, TreeKind::kInstanced, best(), compensated)
     ->UseManualTime();

@@ -15,32 +15,38 @@ SKY_HD bool has_warp(const EnvSamplerView& sampler) {
          sampler.type == EnvSamplerType::KDTREE_LINEAR;
 }
 
+/// Where in the warp's unit square a direction inside the block comes from; `u` its azimuth in the
+/// frame of the tree's cells.
+SKY_HD Vec2 linear_block_point(const LinearBlock& block, float cell_width, float u,
+                               Vec3 direction) {
+  const float near = polar_height(direction);
+  const float h = (direction.z < 0.0f) == (block.h_rise < 0.0f) ? near : 1.0f - near;
+  const float p = (u - block_u_start(block, cell_width)) / block_u_extent(block, cell_width);
+  const float q = (h - block.h_start) / fabsf(block.h_rise);
+  // Distribution functions of the densities 1 + a (2p - 1).
+  const float a = tilt_along_azimuth(block), b = tilt_along_height(block);
+  const float across = p * (1.0f - a + a * p), up = q * (1.0f - b + b * q);
+  const float down = block.h_rise < 0.0f ? 1.0f - up : up;
+  return {clampf(block.warp_origin.x + across / block.warp_scale.x, 0.0f, kOneMinusEpsilon),
+          clampf(block.warp_origin.y + down / block.warp_scale.y, 0.0f, kOneMinusEpsilon)};
+}
+
 /// Where in the unit square of (u.y, u.z) a direction comes from, of a sampler that has a warp.
 SKY_HD Vec2 warp_point(const EnvSamplerView& sampler, Vec3 direction) {
   const KdTreeView& tree = sampler.kdtree;
-  const float near = polar_height(direction);
-  Vec2 point;
   if (sampler.type == EnvSamplerType::KDTREE_LINEAR) {
     const float u = cell_azimuth(direction, tree.cell_width);
-    const LinearBlock& block = tree.linear_blocks[locate_block(tree, u, direction)];
-    const float h = (direction.z < 0.0f) == (block.h_rise < 0.0f) ? near : 1.0f - near;
-    const float p =
-        (u - block_u_start(block, tree.cell_width)) / block_u_extent(block, tree.cell_width);
-    const float q = (h - block.h_start) / fabsf(block.h_rise);
-    // Distribution functions of the densities 1 + a (2p - 1).
-    const float a = tilt_along_azimuth(block), b = tilt_along_height(block);
-    const float across = p * (1.0f - a + a * p), up = q * (1.0f - b + b * q);
-    const float down = block.h_rise < 0.0f ? 1.0f - up : up;
-    point = {block.warp_origin.x + across / block.warp_scale.x,
-             block.warp_origin.y + down / block.warp_scale.y};
-  } else {
-    const int32_t index = locate_block(tree, direction);
-    const BlockWarp warp = tree.warps[index];
-    const float h = (direction.z < 0.0f) == (warp.h_slope < 0.0f) ? near : 1.0f - near;
-    point = {tree.warp_origins[index].x + (latlong_u(direction) - warp.u_start) / warp.u_slope,
-             tree.warp_origins[index].y + (h - warp.h_start) / warp.h_slope};
+    return linear_block_point(tree.linear_blocks[locate_block(tree, u, direction)], tree.cell_width,
+                              u, direction);
   }
-  return {clampf(point.x, 0.0f, kOneMinusEpsilon), clampf(point.y, 0.0f, kOneMinusEpsilon)};
+  const float near = polar_height(direction);
+  const int32_t index = locate_block(tree, direction);
+  const BlockWarp warp = tree.warps[index];
+  const float h = (direction.z < 0.0f) == (warp.h_slope < 0.0f) ? near : 1.0f - near;
+  const Vec2 origin = tree.warp_origins[index];
+  return {clampf(origin.x + (latlong_u(direction) - warp.u_start) / warp.u_slope, 0.0f,
+                 kOneMinusEpsilon),
+          clampf(origin.y + (h - warp.h_start) / warp.h_slope, 0.0f, kOneMinusEpsilon)};
 }
 
 /// Slot of a place that nothing is learnt of.

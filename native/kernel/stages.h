@@ -58,7 +58,7 @@ SKY_HD bool looks_ahead(const SceneView& scene, int bounce, float control) {
 
 /// Slot of a vertex in what is learnt of visibility.
 SKY_HD uint32_t vertex_guide_slot(const SceneView& scene, const Surface& surface) {
-  return kLearnsVisibility && scene.guide.nodes
+  return kLearnsVisibility && scene.guide.cuts
              ? guide_slot(scene.guide, surface.position, surface.geometric_normal)
              : kNoGuideSlot;
 }

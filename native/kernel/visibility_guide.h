@@ -26,8 +26,9 @@ constexpr bool kLearnsVisibility = false;
 constexpr bool kLearnsVisibility = true;
 #endif
 
-/// Regions that the unit square is cut into.
-constexpr int kGuideRegions = 512;
+/// Regions that the unit square is cut into, by halving it so often.
+constexpr int kGuideDepth = 9;
+constexpr int kGuideRegions = 1 << kGuideDepth;
 /// Slots: a power of two. The lowest three bits say which way the surface faces, guide_side.
 constexpr uint32_t kGuideSlots = 1u << 13;
 constexpr uint32_t kGuideSides = 6;
@@ -37,15 +38,6 @@ constexpr float kGuideCellSize = 0.5f;
 /// Row of ratios after those of the slots: every region alike.
 constexpr uint32_t kGuideEvenSlot = kGuideSlots;
 
-/// Inner node of the tree over the unit square, the same for all slots. Node 0 is the root; a child
-/// that is not smaller than kGuideRegions - 1 is the region child - (kGuideRegions - 1).
-struct GuideNode {
-  float threshold;    // where the square is cut, on u.y (axis 0) or u.z (axis 1)
-  float first_share;  // of the node's area that lies before it
-  uint16_t children[2];
-  int32_t axis;
-};
-
 /// What the shadow rays into a region met: how many there were, and the sum of (visible * cosine)^2
 /// in units of 1/255.
 struct GuideCounter {
@@ -53,10 +45,12 @@ struct GuideCounter {
 };
 
 struct GuideView {
-  const GuideNode* nodes = nullptr;  // kGuideRegions - 1; null: no guide
-  const uint16_t* ratios = nullptr;  // (kGuideSlots + 1) x kGuideRegions: per inner node
-  const float* densities = nullptr;  // the same, per region: of the warp over the unit square
-  const uint8_t* used = nullptr;     // whether a slot's ratios are worth using
+  // Inner nodes of the tree over the unit square, kGuideRegions - 1, the same for all slots: the
+  // children of node n are 2n + 1 and 2n + 2, and region i has the number kGuideRegions - 1 + i.
+  const float* cuts = nullptr;    // where they are cut on u.y or, if negative, u.z; null: no guide
+  const float* shares = nullptr;  // of their areas that lie before the cuts
+  const float* ratios = nullptr;  // (kGuideSlots + 1) x kGuideRegions: of a slot's samples that do
+  const uint8_t* used = nullptr;  // whether a slot's ratios are worth using
   GuideCounter* counters = nullptr;  // kGuideSlots x kGuideRegions; null: nothing is recorded
   uint8_t* touched = nullptr;        // whether a slot has records
   bool probing = false;              // vertices send a ray into any region, to learn what it meets
@@ -90,7 +84,34 @@ SKY_HD uint32_t guide_slot(const GuideView& guide, Vec3 position, Vec3 normal) {
   return (key & (kGuideSlots / 8 - 1)) * 8 + side;
 }
 
-SKY_HD float guide_ratio(uint16_t ratio) { return ((float)ratio + 0.5f) * (1.0f / 65536.0f); }
+/// A walk from the root to a region, for the host in step with those of other lanes: a node's
+/// rectangle among the random numbers, and in the square that it is mapped to.
+struct GuideWalk {
+  Vec2 from, from_size, to, to_size;
+  int32_t node;
+};
+
+SKY_HD GuideWalk guide_root() { return {{0, 0}, {1, 1}, {0, 0}, {1, 1}, 0}; }
+
+/// From a node with this cut, share and ratio to the child whose random numbers `u` is among.
+/// Without branches: which way it goes nobody can predict.
+SKY_HD void guide_step(float cut, float share, float ratio, Vec2 u, GuideWalk* walk) {
+  const bool up = cut < 0.0f;
+  const float start = up ? walk->from.y : walk->from.x;
+  const float size = up ? walk->from_size.y : walk->from_size.x;
+  const float middle = start + size * ratio;
+  const bool second = (up ? u.y : u.x) >= middle;
+  const float new_start = second ? middle : start;
+  const float new_size = size * (second ? 1.0f - ratio : ratio);
+  const float new_to = second ? fabsf(cut) : up ? walk->to.y : walk->to.x;
+  const float new_to_size =
+      (up ? walk->to_size.y : walk->to_size.x) * (second ? 1.0f - share : share);
+  walk->from = {up ? walk->from.x : new_start, up ? new_start : walk->from.y};
+  walk->from_size = {up ? walk->from_size.x : new_size, up ? new_size : walk->from_size.y};
+  walk->to = {up ? walk->to.x : new_to, up ? new_to : walk->to.y};
+  walk->to_size = {up ? walk->to_size.x : new_to_size, up ? new_to_size : walk->to_size.y};
+  walk->node = 2 * walk->node + (second ? 2 : 1);
+}
 
 struct GuidedPoint {
   Vec2 point;
@@ -98,58 +119,63 @@ struct GuidedPoint {
   int32_t region;
 };
 
+/// Where in its region `u` ends. Clamped, as rounding may put a number a little outside the
+/// rectangle that it was found to be in.
+SKY_HD GuidedPoint guide_arrival(const GuideWalk& walk, Vec2 u) {
+  const float x = clampf((u.x - walk.from.x) / walk.from_size.x, 0.0f, kOneMinusEpsilon);
+  const float y = clampf((u.y - walk.from.y) / walk.from_size.y, 0.0f, kOneMinusEpsilon);
+  return {{minf(walk.to.x + walk.to_size.x * x, kOneMinusEpsilon),
+           minf(walk.to.y + walk.to_size.y * y, kOneMinusEpsilon)},
+          (walk.from_size.x * walk.from_size.y) / (walk.to_size.x * walk.to_size.y),
+          walk.node - (kGuideRegions - 1)};
+}
+
 /// Where a slot's learnt warp puts `u`, both in [0,1)^2.
 SKY_HD GuidedPoint guide_warp(const GuideView& guide, uint32_t slot, Vec2 u) {
-  const uint16_t* ratios = guide.ratios + (size_t)slot * kGuideRegions;
-  // The node's rectangle among the random numbers, and in the square that it is mapped to.
-  Vec2 from = {0, 0}, from_size = {1, 1}, to = {0, 0}, to_size = {1, 1};
-  int32_t node = 0;
-  while (node < kGuideRegions - 1) {
-    const GuideNode cut = guide.nodes[node];
-    const bool vertical = cut.axis != 0;
-    const float ratio = guide_ratio(ratios[node]);
-    const float start = vertical ? from.y : from.x, size = vertical ? from_size.y : from_size.x;
-    const float middle = start + size * ratio;
-    const bool second = (vertical ? u.y : u.x) >= middle;
-    const float new_start = second ? middle : start;
-    const float new_size = size * (second ? 1.0f - ratio : ratio);
-    const float share = second ? 1.0f - cut.first_share : cut.first_share;
-    if (vertical) {
-      from.y = new_start;
-      from_size.y = new_size;
-      to.y = second ? cut.threshold : to.y;
-      to_size.y *= share;
-    } else {
-      from.x = new_start;
-      from_size.x = new_size;
-      to.x = second ? cut.threshold : to.x;
-      to_size.x *= share;
-    }
-    node = cut.children[second];
+  const float* ratios = guide.ratios + (size_t)slot * kGuideRegions;
+  GuideWalk walk = guide_root();
+  for (int level = 0; level < kGuideDepth; ++level) {
+    guide_step(guide.cuts[walk.node], guide.shares[walk.node], ratios[walk.node], u, &walk);
   }
-  // Clamped, as rounding may put a number a little outside the rectangle that it was found to be
-  // in.
-  const float x = clampf((u.x - from.x) / from_size.x, 0.0f, kOneMinusEpsilon);
-  const float y = clampf((u.y - from.y) / from_size.y, 0.0f, kOneMinusEpsilon);
-  const int32_t region = node - (kGuideRegions - 1);
-  return {
-      {minf(to.x + to_size.x * x, kOneMinusEpsilon), minf(to.y + to_size.y * y, kOneMinusEpsilon)},
-      guide.densities[(size_t)slot * kGuideRegions + region],
-      region};
+  return guide_arrival(walk, u);
+}
+
+/// The child of a node with this cut in which `point` lies.
+SKY_HD int32_t guide_child(float cut, Vec2 point, int32_t node) {
+  return 2 * node + ((cut < 0.0f ? point.y : point.x) >= fabsf(cut) ? 2 : 1);
 }
 
 SKY_HD int32_t guide_region(const GuideView& guide, Vec2 point) {
   int32_t node = 0;
-  while (node < kGuideRegions - 1) {
-    const GuideNode& cut = guide.nodes[node];
-    node = cut.children[(cut.axis ? point.y : point.x) >= cut.threshold];
+  for (int level = 0; level < kGuideDepth; ++level) {
+    node = guide_child(guide.cuts[node], point, node);
   }
   return node - (kGuideRegions - 1);
 }
 
+/// The areas of a node's rectangles, as in GuideWalk, on the way to a point of the square.
+struct GuideAreas {
+  float from, to;
+  int32_t node;
+};
+
+SKY_HD void guide_descend(float cut, float share, float ratio, Vec2 point, GuideAreas* areas) {
+  const int32_t child = guide_child(cut, point, areas->node);
+  const bool second = child == 2 * areas->node + 2;
+  areas->from *= second ? 1.0f - ratio : ratio;
+  areas->to *= second ? 1.0f - share : share;
+  areas->node = child;
+}
+
 /// Density of guide_warp at a point that something else has chosen.
 SKY_HD float guide_density(const GuideView& guide, uint32_t slot, Vec2 point) {
-  return guide.densities[(size_t)slot * kGuideRegions + guide_region(guide, point)];
+  const float* ratios = guide.ratios + (size_t)slot * kGuideRegions;
+  GuideAreas areas = {1.0f, 1.0f, 0};
+  for (int level = 0; level < kGuideDepth; ++level) {
+    guide_descend(guide.cuts[areas.node], guide.shares[areas.node], ratios[areas.node], point,
+                  &areas);
+  }
+  return areas.from / areas.to;
 }
 
 SKY_HD void guide_count(uint32_t* counter, uint32_t amount) {

@@ -5,6 +5,7 @@
 // read tables (tile_sampling.h, tile_texels.h) stay scalar. Included by tile_integrator_body.h.
 #pragma once
 
+#include "src/tile_guide.h"
 #include "src/tile_packets.h"
 #include "src/tile_sampling.h"
 #include "src/tile_texels.h"
@@ -47,6 +48,7 @@ struct LaneDirections {
 struct LaneWork {
   LaneDirections directions;
   LaneSampling sampling;
+  GuideLanes guided;
   TexelLookups lookups;
   float choice_x[kBatch], choice_y[kBatch], random_x[kBatch], random_y[kBatch];
   float light_choice[kBatch], guide_factor[kBatch];
@@ -268,16 +270,30 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
     work->index[i] = light_index(lanes.sample[i], lanes.light_rays[i], k);
   }
   draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
+  GuideLanes& guided = work->guided;
+  guided.count = 0;
   for (int i = 0; i < lanes.count; ++i) {
     work->light_choice[i] = light_choice(work->choice_x[i], lanes.light_rays[i], k);
-    const GuidedPoint guided =
-        guide_point(environment.sampler, scene.guide, lanes.guide_slot[i], lanes.products[i],
-                    {work->random_x[i], work->random_y[i]});
-    work->random_x[i] = guided.point.x;
-    work->random_y[i] = guided.point.y;
-    work->guide_factor[i] = guided.density;
-    // A lane without this sample weighs nothing.
-    work->region[i] = k < lanes.light_rays[i] ? guided.region : kNoGuideRegion;
+    const uint32_t slot = lanes.guide_slot[i];
+    const Vec2 u = {work->random_x[i], work->random_y[i]};
+    if (is_guided(scene.guide, slot)) {
+      guided.append(i, slot, u);
+      continue;
+    }
+    const GuidedPoint point =
+        guide_point(environment.sampler, scene.guide, slot, lanes.products[i], u);
+    work->random_x[i] = point.point.x;
+    work->random_y[i] = point.point.y;
+    work->guide_factor[i] = point.density;
+    work->region[i] = point.region;
+  }
+  if (guided.count > 0) warp_lanes(scene.guide, &guided);
+  for (int j = 0; j < guided.count; ++j) {
+    const int i = guided.lane[j];
+    work->random_x[i] = guided.x[j];
+    work->random_y[i] = guided.y[j];
+    work->guide_factor[i] = guided.density[j];
+    work->region[i] = guided.region(j);
   }
   LaneLights& lights = directions.lights;
   sample_environment_lanes(environment.sampler, lanes.count, work->light_choice, work->random_x,
@@ -293,10 +309,12 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   weigh(scene, settings, lanes, &directions, work);
   const bool recording = scene.guide.counters != nullptr;
   for (int i = 0; i < lanes.count; ++i) {
+    // A lane without this sample weighs nothing.
     const uint32_t record =
-        !recording ? kNoGuideRecord
-                   : light_guide_record(scene, lanes.guide_slot[i], work->region[i],
-                                        lanes.geometric_normal.get(i), directions.world.get(i));
+        !recording || k >= lanes.light_rays[i]
+            ? kNoGuideRecord
+            : light_guide_record(scene, lanes.guide_slot[i], work->region[i],
+                                 lanes.geometric_normal.get(i), directions.world.get(i));
     if (!(max_component(directions.f.get(i)) > 0.0f)) continue;
     append({lane_ray(lanes, directions, i), directions.weight.get(i),
             lane_map(lanes, directions, i), record},
@@ -361,13 +379,22 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     turn_to_map(environment.world_to_env, count, &directions);
     locate(count, &lights);
     if (most > 0) environment_pdf_lanes(environment.sampler, count, &work->sampling, &lights);
+    GuideLanes& guided = work->guided;
+    guided.count = 0;
     for (int i = 0; i < count; ++i) {
-      lights.pdf[i] =
-          most == 0 ? 0.0f
-                    : lights.pdf[i] * guide_factor(environment.sampler, scene.guide,
-                                                   lanes.guide_slot[i], lanes.products[i],
-                                                   work->sampling.block[i], lights.local.get(i));
+      if (most == 0) {
+        lights.pdf[i] = 0.0f;
+      } else if (is_guided(scene.guide, lanes.guide_slot[i])) {
+        guided.append(i, lanes.guide_slot[i],
+                      lane_warp_point(environment.sampler, work->sampling, lights, i));
+      } else {
+        lights.pdf[i] *=
+            guide_factor(environment.sampler, scene.guide, lanes.guide_slot[i], lanes.products[i],
+                         work->sampling.block[i], lights.local.get(i));
+      }
     }
+    if (guided.count > 0) find_guide_densities(scene.guide, &guided);
+    for (int j = 0; j < guided.count; ++j) lights.pdf[guided.lane[j]] *= guided.density[j];
     if (environment.sampler.type == EnvSamplerType::FILTERED) {
       for (int i = 0; i < count; ++i) {
         directions.radiance.set(

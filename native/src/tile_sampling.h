@@ -151,5 +151,13 @@ static void environment_pdf_lanes(const EnvSamplerView& sampler, int count, Lane
   }
 }
 
+/// warp_point of lane `i` after environment_pdf_lanes, which found its block.
+SKY_HD Vec2 lane_warp_point(const EnvSamplerView& sampler, const LaneSampling& work,
+                            const LaneLights& lights, int i) {
+  const Vec3 direction = lights.local.get(i);
+  if (sampler.type != EnvSamplerType::KDTREE_LINEAR) return warp_point(sampler, direction);
+  return linear_block_point(work.blocks.get(i), sampler.kdtree.cell_width, work.u[i], direction);
+}
+
 }  // namespace SKYTREE_ISA
 }  // namespace skytree

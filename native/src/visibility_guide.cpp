@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <new>
-#include <queue>
 
 namespace skytree {
 namespace {
@@ -26,42 +25,39 @@ class WarpMeasure {
       }
     }
   }
-  double solid_angle(const int* lo, const int* hi) const {
-    return at(hi[0], hi[1]) - at(lo[0], hi[1]) - at(hi[0], lo[1]) + at(lo[0], lo[1]);
+  /// Of a rectangle whose sides are told in units of the grid's.
+  double solid_angle(const double* lo, const double* hi) const {
+    return sum(hi[0], hi[1]) - sum(lo[0], hi[1]) - sum(hi[0], lo[1]) + sum(lo[0], lo[1]);
   }
 
  private:
   double& at(int x, int y) { return sums_[size_t(y) * (kGrid + 1) + x]; }
   double at(int x, int y) const { return sums_[size_t(y) * (kGrid + 1) + x]; }
+  double sum(double x, double y) const {
+    const int left = std::min(int(x), kGrid - 1), low = std::min(int(y), kGrid - 1);
+    const double p = x - left, q = y - low;
+    return (1.0 - q) * ((1.0 - p) * at(left, low) + p * at(left + 1, low)) +
+           q * ((1.0 - p) * at(left, low + 1) + p * at(left + 1, low + 1));
+  }
   std::vector<double> sums_;
 };
 
 struct Part {
-  int lo[2], hi[2];
-  double solid_angle;
-  int parent, side;  // where its number goes; -1: the root
-  int order;
-  bool operator<(const Part& other) const {
-    return solid_angle != other.solid_angle ? solid_angle < other.solid_angle : order > other.order;
-  }
-  int size(int axis) const { return hi[axis] - lo[axis]; }
+  double lo[2], hi[2];
+  double size(int axis) const { return hi[axis] - lo[axis]; }
 };
 
-/// The grid line that halves the part's solid angle best; 0 if it cannot be cut.
-int middle(const WarpMeasure& measure, const Part& part, int axis) {
-  int first = part.lo[axis] + 1, last = part.hi[axis] - 1;
-  if (first > last) return 0;
-  while (first < last) {
-    const int line = (first + last) / 2;
-    int hi[2] = {part.hi[0], part.hi[1]};
-    hi[axis] = line;
-    if (2.0 * measure.solid_angle(part.lo, hi) < part.solid_angle) {
-      first = line + 1;
-    } else {
-      last = line;
-    }
+/// Where the part's solid angle is halved, but not at its very ends.
+double middle(const WarpMeasure& measure, const Part& part, int axis) {
+  const double half = 0.5 * measure.solid_angle(part.lo, part.hi);
+  Part first = part;
+  double low = part.lo[axis] + part.size(axis) / 64.0,
+         high = part.hi[axis] - part.size(axis) / 64.0;
+  for (int i = 0; i < 24; ++i) {
+    first.hi[axis] = 0.5 * (low + high);
+    (measure.solid_angle(first.lo, first.hi) < half ? low : high) = first.hi[axis];
   }
-  return first;
+  return 0.5 * (low + high);
 }
 
 }  // namespace
@@ -71,9 +67,7 @@ VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, const Mat3& worl
     : config_(config),
       counters_(static_cast<GuideCounter*>(
           std::calloc(size_t(kGuideSlots) * kGuideRegions, sizeof(GuideCounter)))),
-      ratios_(static_cast<uint16_t*>(
-          std::calloc(size_t(kGuideSlots + 1) * kGuideRegions, sizeof(uint16_t)))),
-      densities_(
+      ratios_(
           static_cast<float*>(std::calloc(size_t(kGuideSlots + 1) * kGuideRegions, sizeof(float)))),
       used_(kGuideSlots, 0),
       touched_(kGuideSlots, 0),
@@ -81,14 +75,14 @@ VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, const Mat3& worl
       masses_(kInner + kGuideRegions),
       trials_(kInner + kGuideRegions),
       squares_(kInner + kGuideRegions) {
-  if (!counters_ || !ratios_ || !densities_) throw std::bad_alloc();
+  if (!counters_ || !ratios_) throw std::bad_alloc();
   cut_square(sampler);
   std::fill(masses_.begin() + kInner, masses_.end(), 1.0);
   set_ratios(kGuideEvenSlot);
-  view_.nodes = nodes_.data();
+  view_.cuts = cuts_.data();
+  view_.shares = shares_.data();
   measure_open_gains(sampler, world_to_env);
   view_.ratios = ratios_.get();
-  view_.densities = densities_.get();
   view_.used = used_.data();
   view_.counters = counters_.get();
   view_.touched = touched_.data();
@@ -98,48 +92,23 @@ VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, const Mat3& worl
 
 void VisibilityGuide::cut_square(const EnvSamplerView& sampler) {
   const WarpMeasure measure(sampler);
-  std::priority_queue<Part> parts;
-  Part whole = {{0, 0}, {kGrid, kGrid}, 0.0, -1, 0, 0};
-  whole.solid_angle = measure.solid_angle(whole.lo, whole.hi);
-  parts.push(whole);
-  int order = 0;
-  auto set_child = [&](const Part& part, int number) {
-    if (part.parent >= 0) nodes_[part.parent].children[part.side] = uint16_t(number);
-  };
-  while (int(nodes_.size()) < kInner) {
-    Part part = parts.top();
-    parts.pop();
-    // Along the axis that leaves the squarer halves on the grid; a grid of kGrid^2 points always
-    // has a part that can be cut.
-    int axis = part.size(0) >= part.size(1) ? 0 : 1;
-    if (part.size(axis) < 2) {
-      part.solid_angle = -1.0;  // to the end of the queue
-      parts.push(part);
-      continue;
-    }
-    const int line = middle(measure, part, axis);
-    const int number = int(nodes_.size());
-    set_child(part, number);
-    GuideNode node = {};
-    node.axis = axis;
-    node.threshold = float(line) / kGrid;
-    node.first_share = float(line - part.lo[axis]) / float(part.size(axis));
-    nodes_.push_back(node);
+  std::vector<Part> parts = {{{0.0, 0.0}, {kGrid, kGrid}}};
+  for (int node = 0; node < kInner; ++node) {
+    const Part part = parts[node];
+    // Along the axis that leaves the squarer halves on the grid.
+    const int axis = part.size(0) >= part.size(1) ? 0 : 1;
+    const double line = middle(measure, part, axis);
+    cuts_.push_back(float(axis ? -line / kGrid : line / kGrid));
+    shares_.push_back(float((line - part.lo[axis]) / part.size(axis)));
     for (int side = 0; side < 2; ++side) {
       Part child = part;
       (side ? child.lo : child.hi)[axis] = line;
-      child.solid_angle = measure.solid_angle(child.lo, child.hi);
-      child.parent = number;
-      child.side = side;
-      child.order = ++order;
-      parts.push(child);
+      parts.push_back(child);
     }
   }
   for (int region = 0; region < kGuideRegions; ++region) {
-    const Part& part = parts.top();
-    set_child(part, kInner + region);
-    areas_.push_back(float(part.size(0)) * float(part.size(1)) / (float(kGrid) * kGrid));
-    parts.pop();
+    const Part& part = parts[kInner + region];
+    areas_.push_back(float(part.size(0) * part.size(1) / (double(kGrid) * kGrid)));
   }
 }
 
@@ -192,9 +161,8 @@ bool VisibilityGuide::make_ratios(uint32_t slot) {
     squares_[kInner + region] = counters[region].squares;
   }
   for (int node = kInner; node-- > 0;) {
-    const uint16_t* children = nodes_[node].children;
-    trials_[node] = trials_[children[0]] + trials_[children[1]];
-    squares_[node] = squares_[children[0]] + squares_[children[1]];
+    trials_[node] = trials_[2 * node + 1] + trials_[2 * node + 2];
+    squares_[node] = squares_[2 * node + 1] + squares_[2 * node + 2];
   }
   if (trials_[0] < config_.least_trials || squares_[0] == 0) return false;
 
@@ -202,7 +170,7 @@ bool VisibilityGuide::make_ratios(uint32_t slot) {
   // had.
   mean_squares_[0] = double(squares_[0]) / (255.0 * double(trials_[0]));
   for (int node = 0; node < kInner; ++node) {
-    for (const uint16_t child : nodes_[node].children) {
+    for (const int child : {2 * node + 1, 2 * node + 2}) {
       mean_squares_[child] =
           (double(squares_[child]) / 255.0 + config_.prior_trials * mean_squares_[node]) /
           (double(trials_[child]) + config_.prior_trials);
@@ -229,30 +197,16 @@ bool VisibilityGuide::make_ratios(uint32_t slot) {
 
 /// From the masses of the regions.
 void VisibilityGuide::set_ratios(uint32_t slot) {
-  uint16_t* ratios = ratios_.get() + size_t(slot) * kGuideRegions;
-  float* densities = densities_.get() + size_t(slot) * kGuideRegions;
+  float* ratios = ratios_.get() + size_t(slot) * kGuideRegions;
   for (int node = kInner; node-- > 0;) {
-    const uint16_t* children = nodes_[node].children;
-    masses_[node] = masses_[children[0]] + masses_[children[1]];
-    const double ratio = masses_[children[0]] / masses_[node];
-    ratios[node] = uint16_t(std::clamp(std::floor(65536.0 * ratio), 0.0, 65535.0));
-  }
-  // What the rounded ratios really give, so that density and sampling agree.
-  masses_[0] = 1.0;
-  for (int node = 0; node < kInner; ++node) {
-    const double ratio = guide_ratio(ratios[node]);
-    masses_[nodes_[node].children[0]] = masses_[node] * ratio;
-    masses_[nodes_[node].children[1]] = masses_[node] * (1.0 - ratio);
-  }
-  for (int region = 0; region < kGuideRegions; ++region) {
-    densities[region] = float(masses_[kInner + region] / areas_[region]);
+    masses_[node] = masses_[2 * node + 1] + masses_[2 * node + 2];
+    ratios[node] = float(std::clamp(masses_[2 * node + 1] / masses_[node], 1e-5, 1.0 - 1e-5));
   }
 }
 
 size_t VisibilityGuide::nbytes() const {
-  return size_t(kGuideSlots) *
-             (kGuideRegions * (sizeof(GuideCounter) + sizeof(uint16_t) + sizeof(float)) + 2) +
-         nodes_.size() * sizeof(GuideNode);
+  return size_t(kGuideSlots) * (kGuideRegions * (sizeof(GuideCounter) + sizeof(float)) + 2) +
+         (cuts_.size() + shares_.size()) * sizeof(float);
 }
 
 int VisibilityGuide::used_slots() const {

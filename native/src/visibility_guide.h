@@ -63,13 +63,12 @@ class VisibilityGuide {
   struct Free {
     void operator()(void* memory) const { std::free(memory); }
   };
-  std::vector<GuideNode> nodes_;
-  std::vector<float> areas_;        // of the regions
-  double open_gains_[kGuideSides];  // what guiding promises where nothing is in the way, by side
+  std::vector<float> cuts_, shares_;  // of the inner nodes
+  std::vector<float> areas_;          // of the regions
+  double open_gains_[kGuideSides];    // what guiding promises where nothing is in the way, by side
   // From calloc: pages of slots that nobody meets cost nothing.
   std::unique_ptr<GuideCounter[], Free> counters_;
-  std::unique_ptr<uint16_t[], Free> ratios_;
-  std::unique_ptr<float[], Free> densities_;
+  std::unique_ptr<float[], Free> ratios_;
   std::vector<uint8_t> used_, touched_;
   std::vector<double> mean_squares_, masses_;  // of nodes, then regions; while ratios are made
   std::vector<uint64_t> trials_, squares_;

@@ -134,6 +134,34 @@ inline Closure glossy(float color, float roughness, float anisotropy = 0.0f) {
   return closure;
 }
 
+/// A room of 6 x 6 x 3 with one window of 1.2 x 1 in the wall at x = 3, and a ball in it; open: the
+/// floor alone.
+inline std::shared_ptr<Scene> make_room_scene(bool open, double aspect = 4.0 / 3.0) {
+  auto scene = std::make_shared<Scene>();
+  const int white = scene->add_material({diffuse(0.7f)}, "white");
+  const int square = scene->add_mesh(make_square(1.0f).input("square"));
+  auto wall = [&](Matrix4 m) { scene->add_instance(square, m, {white}); };
+  wall({3, 0, 0, 0, 0, 3, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
+  if (!open) {
+    wall({3, 0, 0, 0, 0, 3, 0, 0, 0, 0, 1, 3, 0, 0, 0, 1});
+    wall({0, 0, 1, -3, 0, 3, 0, 0, 1.5, 0, 0, 1.5, 0, 0, 0, 1});
+    wall({3, 0, 0, 0, 0, 0, 1, 3, 0, 1.5, 0, 1.5, 0, 0, 0, 1});
+    wall({3, 0, 0, 0, 0, 0, 1, -3, 0, 1.5, 0, 1.5, 0, 0, 0, 1});
+    // around the window
+    auto strip = [&](double y, double z, double hy, double hz) {
+      wall({0, 0, 1, 3, 0, hy, 0, y, hz, 0, 0, z, 0, 0, 0, 1});
+    };
+    strip(0, 0.5, 3, 0.5);
+    strip(0, 2.5, 3, 0.5);
+    strip(-1.8, 1.5, 1.2, 0.5);
+    strip(1.8, 1.5, 1.2, 0.5);
+  }
+  const int sphere = scene->add_mesh(make_sphere().input("sphere"));
+  scene->add_instance(sphere, {0.6, 0, 0, 0, 0, 0.6, 0, 0.8, 0, 0, 0.6, 0.6, 0, 0, 0, 1}, {white});
+  scene->set_camera(look_at({2.5f, -2.5f, 1.6f}, {-1.0f, 0.5f, 0.9f}), perspective(1.2, aspect));
+  return scene;
+}
+
 /// Ground and three spheres: diffuse, sharp metal, rough metal.
 inline std::shared_ptr<Scene> make_spheres_scene(double aspect,
                                                  TreeKind kind = TreeKind::kInstanced) {
