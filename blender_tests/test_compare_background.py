@@ -51,13 +51,35 @@ def finish(report, seconds: float = 120.0):
         time.sleep(0.01)
 
 
-def test_the_background_writes_what_a_script_writes(skytree, background, lit, tmp_path):
+def test_the_background_writes_what_a_script_writes(skytree, background, lit, tmp_path, monkeypatch):
+    monkeypatch.setattr(part(skytree, "viewport.display"), "BAND_PIXELS", 5 * WIDTH)
     report = start(skytree, background, lit, tmp_path / "background")
     finish(report)
     assert report.problem == "" and report.page == tmp_path / "background" / "report.html"
     assert len(report.summary()) == 2
     assert bpy.ops.skytree.compare_report(folder=str(tmp_path / "script")) == {"FINISHED"}
     for name in ("a.png", "reference.png", "difference_ab.png", "comparison.exr"):
+        written = [(tmp_path / folder / name).read_bytes() for folder in ("background", "script")]
+        assert written[0] == written[1], name
+
+
+def test_pictures_are_shown_in_bands_through_one_view(skytree, background, lit, tmp_path, monkeypatch):
+    """A change of the view transform in between counts for all of them."""
+    monkeypatch.setattr(part(skytree, "viewport.display"), "BAND_PIXELS", 5 * WIDTH)
+    report = start(skytree, background, lit, tmp_path / "background")
+    calls = 0
+    end = time.perf_counter() + 120.0
+    while not report.done and time.perf_counter() < end:
+        report.advance()
+        calls += report.is_showing
+        if calls == 4:
+            lit.view_settings.gamma = 2.0
+        time.sleep(0.005)
+    assert report.done and report.problem == ""
+    # Four in vain, and then all, after the last of which there is none to show.
+    assert calls == 4 + 3 * -(-HEIGHT // 5) - 1
+    assert bpy.ops.skytree.compare_report(folder=str(tmp_path / "script")) == {"FINISHED"}
+    for name in ("a.png", "b.png", "reference.png"):
         written = [(tmp_path / folder / name).read_bytes() for folder in ("background", "script")]
         assert written[0] == written[1], name
 

@@ -2,16 +2,18 @@
 """A report that is made while the user goes on working: one thread renders and writes, a timer follows it.
 
 What needs Blender's data stays on the main thread: reading the scene at the start, the view transform at the
-end. In between nothing of Blender is touched.
+end, a band of a picture at a time. In between nothing of Blender is touched.
 """
 
 from __future__ import annotations
 
 import threading
+import time
 import traceback
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
 from ..viewport import clock as viewport_clock
@@ -19,6 +21,8 @@ from .job import PICTURES, ReportJob
 from .render import CompareCancelled, Progress
 
 TICK_SECONDS = 0.1
+# Between two bands of pictures, for what else Blender has to do.
+BAND_SECONDS = 0.005
 
 
 class BackgroundReport:
@@ -33,7 +37,9 @@ class BackgroundReport:
         self._scene_name = job.scene.name
         self._cancelled = False
         self._error: Exception | None = None
-        self._shown: dict = {}
+        self._waiting: list[tuple[str, slice]] | None = None  # parts of pictures to show
+        self._shown: dict[str, list[np.ndarray]] = {}
+        self._display = ""  # through which they are shown
         job.read(self._tell)
         job.scene = None  # undo or another file may free it
         self._work(job.render)
@@ -54,22 +60,38 @@ class BackgroundReport:
             self.problem, self.done = "The comparison was cancelled", True
         elif self._error is not None:
             self.problem, self.done = f"The comparison failed: {self._error}", True
-        elif len(self._shown) < len(PICTURES):
-            # One at a time: Blender stands still for it.
-            scene = bpy.data.scenes.get(self._scene_name) or bpy.context.scene
-            key = PICTURES[len(self._shown)]
-            self._shown[key] = self._job.show(key, scene)
-            self.progress = Progress("writing the report", 1.0)
-            if len(self._shown) == len(PICTURES):
-                self._work(self._write)
+        elif self._waiting is None or self._waiting:
+            self._show_a_part()
         else:
             self.done = True
+
+    @property
+    def is_showing(self) -> bool:
+        """Whether `advance` has short work to do, one piece a call."""
+        return bool(self._waiting)
+
+    def _show_a_part(self):
+        scene = bpy.data.scenes.get(self._scene_name) or bpy.context.scene
+        if self._waiting is None:
+            self.progress = Progress("writing the report", 1.0)
+            self._waiting = self._job.parts_to_show()
+        key, rows = self._waiting[0]
+        part, name = self._job.show(key, scene, rows)
+        if name != self._display and self._shown:
+            self._shown, self._waiting = {}, None  # somebody has changed it: from the start
+            return
+        self._display = name
+        self._shown.setdefault(key, []).append(part)
+        del self._waiting[0]
+        if not self._waiting:
+            self._work(self._write)
 
     def summary(self) -> list[str]:
         return self._job.summary() if self.page is not None else []
 
     def _write(self):
-        self.page = self._job.write(self._folder, self._shown)["html"]
+        shown = {key: (np.concatenate(self._shown[key]), self._display) for key in PICTURES}
+        self.page = self._job.write(self._folder, shown)["html"]
 
     def _work(self, function):
         self._thread = threading.Thread(
@@ -92,6 +114,7 @@ class BackgroundReport:
 
 
 _report: BackgroundReport | None = None
+_redrawn_at = 0.0
 
 
 def current() -> BackgroundReport | None:
@@ -119,13 +142,18 @@ def stop():
 
 
 def _tick():
+    global _redrawn_at
     try:
         _report.advance()
     except Exception as error:
         traceback.print_exc()
         _report.problem, _report.done = f"The comparison failed: {error}", True
-    _redraw()
-    return None if _report.done else TICK_SECONDS
+    if _report.done or time.perf_counter() - _redrawn_at >= TICK_SECONDS:
+        _redrawn_at = time.perf_counter()
+        _redraw()
+    if _report.done:
+        return None
+    return BAND_SECONDS if _report.is_showing else TICK_SECONDS
 
 
 def _redraw():

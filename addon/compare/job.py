@@ -105,11 +105,17 @@ class ReportJob:
             self.renderer.sync.messages.texts(),
         )
 
-    def show(self, key: str, scene) -> tuple[np.ndarray, str]:
-        """For the main thread: A, B or the reference ("a", "b", "reference") through the scene's view
+    def show(self, key: str, scene, rows: slice = slice(None)) -> tuple[np.ndarray, str]:
+        """For the main thread: rows of A, B or the reference ("a", "b", "reference") through the scene's view
         transform, and how that is called."""
         to_display, name = display.view_of(scene)
-        return to_display(self.comparison.images[key]), name
+        return to_display(self.comparison.images[key][rows]), name
+
+    def parts_to_show(self) -> list[tuple[str, slice]]:
+        """Arguments of `show` for all of PICTURES in turn, each soon done."""
+        return [
+            (key, rows) for key in PICTURES for rows in display.bands(*self.comparison.images[key].shape[:2])
+        ]
 
     def write(self, folder: Path, shown: dict[str, tuple[np.ndarray, str]]) -> dict[str, Path]:
         """For any thread: the files by name. `shown` is what `show` returned for each of PICTURES."""

@@ -10,6 +10,16 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
+# Some 10 ms of work: Blender stands still for it.
+BAND_PIXELS = 1 << 16
+
+
+def bands(height: int, width: int) -> list[slice]:
+    """The rows of an image in parts of about BAND_PIXELS pixels, each of which may be shown on its own: the
+    view transform looks at one pixel at a time."""
+    rows = max(BAND_PIXELS // width, 1)
+    return [slice(y, min(y + rows, height)) for y in range(0, height, rows)]
+
 
 def view_of(scene) -> tuple[Callable[[np.ndarray], np.ndarray], str]:
     """(function from linear (H,W,3) to uint8 display values, name of the view for captions)."""
