@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import struct
+import threading
 import zlib
 
 import bpy
@@ -91,6 +92,23 @@ def test_sampler_figures_against_sums(skytree):
     figures = metrics.sampler_figures(core.UniformSampler(), image, points=1)
     assert figures["largest_weight"] == pytest.approx(4 * np.pi / solid_angle, rel=1e-4)
     assert figures["sample_variance"] == pytest.approx(4 * np.pi / solid_angle - 1, rel=1e-4)
+
+
+def test_sampler_figures_stop_soon(skytree):
+    metrics = part(skytree, "compare.metrics")
+    image, stop, asked = np.ones((256, 512, 3), np.float32), threading.Event(), []
+
+    class Sampler:
+        def pdf(self, directions):
+            asked.append(len(directions))
+            stop.set()
+            return np.full(len(directions), 1 / (4 * np.pi), np.float32)
+
+    with pytest.raises(metrics.StoppedError):
+        metrics.sampler_figures(Sampler(), image, 2, stop)
+    assert asked == [metrics.POINTS_PER_CHUNK] and asked[0] < 4 * 256 * 512
+    with pytest.raises(metrics.StoppedError):
+        metrics.usable_radiance(image, stop)
 
 
 def test_a_kdtree_fits_its_map_better_than_uniform(skytree):

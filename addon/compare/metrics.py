@@ -11,7 +11,8 @@ import numpy as np
 
 from .. import latlong, native
 
-ROWS_PER_CHUNK = 64
+# About 10 ms of work: whoever stops it wants the processor.
+POINTS_PER_CHUNK = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -64,16 +65,13 @@ def sampler_figures(
     largest_weight    max w / m: 1 for a perfect sampler; the brightest firefly that a light sample can be
     sample_variance   (integral of w L) / m^2 - 1: relative variance of one light sample, unoccluded
     """
-    image = usable_radiance(image)
+    image = usable_radiance(image, stop)
     height, width = points * image.shape[0], points * image.shape[1]
     edges = np.cos(np.linspace(0.0, np.pi, height + 1))
     solid_angle = (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
     u = (np.arange(width) + 0.5) / width
     total = second_moment = largest = 0.0
-    for start in range(0, height, ROWS_PER_CHUNK):
-        if stop is not None and stop.is_set():
-            raise StoppedError
-        rows = slice(start, min(start + ROWS_PER_CHUNK, height))
+    for rows in _chunks(height, width, stop):
         v = (np.arange(height)[rows, None] + 0.5) / height
         radiance = latlong.lookup(image, *np.broadcast_arrays(u, v)).mean(axis=2, dtype=np.float64)
         directions = latlong.texel_directions(height, width, rows).reshape(-1, 3)
@@ -88,8 +86,22 @@ def sampler_figures(
     return {"largest_weight": largest / total, "sample_variance": float(second_moment / total**2 - 1.0)}
 
 
-def usable_radiance(image: np.ndarray) -> np.ndarray:
+def usable_radiance(image: np.ndarray, stop: threading.Event | None = None) -> np.ndarray:
     """The image with texels that are no radiance (NaN, Inf, negative) black, as the samplers' statistics
-    have it."""
-    usable = np.isfinite(image) & (image >= 0)
-    return image if usable.all() else np.where(usable, image, 0.0).astype(image.dtype)
+    have it. Raises StoppedError as sampler_figures does."""
+
+    def usable(part):
+        return np.isfinite(part) & (part >= 0)
+
+    if all(usable(image[rows]).all() for rows in _chunks(*image.shape[:2], stop)):
+        return image
+    return np.where(usable(image), image, 0.0).astype(image.dtype)
+
+
+def _chunks(height: int, width: int, stop: threading.Event | None):
+    """The rows of an image in parts; raises StoppedError between two once `stop` is set."""
+    count = max(POINTS_PER_CHUNK // width, 1)
+    for start in range(0, height, count):
+        if stop is not None and stop.is_set():
+            raise StoppedError
+        yield slice(start, min(start + count, height))
