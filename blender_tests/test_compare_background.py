@@ -4,6 +4,7 @@
 import json
 import threading
 import time
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -162,7 +163,8 @@ def test_a_report_renders_on_the_scenes_device(skytree, lit, tmp_path):
 
 @pytest.fixture
 def compared_view(skytree, lit):
-    """(function that looks at the scene as it is, CompareView after the first look), two samples."""
+    """A CompareView of two samples: `look` shows the scene as it is, `fresh` does in another view; both
+    return the pictures of the two sides."""
     lit.skytree_compare.samples = 2
     renderer = part(skytree, "viewport.renderer").ViewportRenderer()
     renderer.update(bpy.context.evaluated_depsgraph_get())
@@ -187,14 +189,13 @@ def compared_view(skytree, lit):
         finally:
             other.close()
 
-    yield look_until_complete, fresh, renderer
+    yield SimpleNamespace(look=look_until_complete, fresh=fresh, renderer=renderer, view=view)
     view.close()
     renderer.close()
 
 
 def test_a_side_that_is_not_changed_keeps_its_picture(compared_view, lit):
-    look, fresh, _ = compared_view
-    compared = lit.skytree_compare
+    look, fresh, compared = compared_view.look, compared_view.fresh, lit.skytree_compare
     a, b = look()
     for settings in ({"method": "ALIAS"}, {"method": "KDTREE", "block_count": 77}):
         for name, value in settings.items():
@@ -210,13 +211,13 @@ def test_a_side_that_is_not_changed_keeps_its_picture(compared_view, lit):
 
 
 def test_both_sides_follow_what_both_depend_on(compared_view, lit):
-    look, _, renderer = compared_view
+    look = compared_view.look
     before = look()
     lit.skytree_compare.samples = 3
     after = look()
     assert not set(map(id, before)) & set(map(id, after))
     lit.skytree_compare.a.method, before = "UNIFORM", after
-    with Updates(renderer) as updates:
+    with Updates(compared_view.renderer) as updates:
         bpy.data.objects["Sphere"].location.z += 0.5
         updates.now()
     after = look()
@@ -227,6 +228,27 @@ def test_both_sides_follow_what_both_depend_on(compared_view, lit):
     lit.skytree_compare.a.method = "ALIAS"
     after = look()
     assert not set(map(id, before)) & set(map(id, after))
+
+
+def test_samplers_are_asked_for_before_anything_is_drawn(skytree, compared_view, lit):
+    module, view = part(skytree, "compare.region"), compared_view.view
+    region = SimpleNamespace(as_pointer=lambda: 1)
+    context = SimpleNamespace(region=region, scene=lit)
+    lit.skytree_compare.mode = "SPLIT"
+    _, b = compared_view.look()
+    module._views[1] = view
+    try:
+        lit.skytree_compare.a.block_count = 123
+        module.follow(compared_view.renderer, context)
+        assert view.sides["a"].sampler.result(timeout=60.0).settings.block_count == 123
+        assert view.busy and view.sides["b"].picture is b
+        compared_view.look()
+        lit.skytree_compare.a.block_count = 124
+        lit.skytree_compare.mode = "OFF"
+        module.follow(compared_view.renderer, context)
+        assert not view.busy
+    finally:
+        del module._views[1]
 
 
 def test_a_view_compares_on_the_scenes_device(skytree, lit):

@@ -52,6 +52,17 @@ def draw(renderer: ViewportRenderer, context) -> bool:
     return True
 
 
+def follow(renderer: ViewportRenderer, context):
+    """Lets a comparison know of changes of the scene before it is drawn: Blender draws other regions first,
+    and samplers are built meanwhile."""
+    view, scene = view_in(context.region), context.scene
+    if view is None or not view.belongs_to(renderer) or view.request is None:
+        return
+    if scene.skytree_compare.mode != "OFF":
+        view.look(Request.of(view.request.view, scene))
+        view.advance()
+
+
 def forget(renderer: ViewportRenderer):
     """For a renderer that is going to be closed."""
     for pointer, view in list(_views.items()):

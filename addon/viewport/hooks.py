@@ -27,6 +27,7 @@ class ViewportHooks:
             if self._renderer is None:
                 self._renderer = ViewportRenderer()
             self._renderer.update(depsgraph, context.space_data)
+            compare_region.follow(self._renderer, context)
             viewport_clock.watch(self._renderer, context.region)
         except Exception:  # Blender disables an engine that raises while it draws
             traceback.print_exc()
