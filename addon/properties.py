@@ -133,7 +133,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
     compensation: FloatProperty(
         update=_changed,
         name="Compensation",
-        default=1.0,
+        default=0.4,
         min=0.0,
         max=1.0,
         subtype="FACTOR",

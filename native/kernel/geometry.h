@@ -132,59 +132,90 @@ SKY_HD_RARE bool uv_frame(const MeshView& mesh, const InstanceView& instance, co
   return true;
 }
 
-/// The surface at `hit`, seen along the unit direction `view` (from the surface to the viewer).
-SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
-                            const int32_t* instance_materials, const Hit& hit, Vec3 view) {
+/// What of a mesh the shape of one of its triangles depends on. Plain numbers, so that those of
+/// many hits can be fetched before the first is worked on.
+struct Facet {
+  Vec3 p0, p1, p2;
+  Vec3 n0, n1, n2;  // shading normals at the corners; 0 where the mesh is flat
+};
+
+SKY_HD Facet load_facet(const MeshView& mesh, int32_t triangle) {
+  const int32_t* t = mesh.triangles + 3 * static_cast<int64_t>(triangle);
+  Facet facet = {load3(mesh.positions, t[0]),
+                 load3(mesh.positions, t[1]),
+                 load3(mesh.positions, t[2]),
+                 {0, 0, 0},
+                 {0, 0, 0},
+                 {0, 0, 0}};
+  if (mesh.corner_normals) {
+    facet.n0 = load3(mesh.corner_normals, corner_index(mesh, triangle, 0));
+    facet.n1 = load3(mesh.corner_normals, corner_index(mesh, triangle, 1));
+    facet.n2 = load3(mesh.corner_normals, corner_index(mesh, triangle, 2));
+  }
+  return facet;
+}
+
+/// The surface at (u, v) of a facet that an instance places, seen along the unit direction `view`
+/// (from the surface to the viewer), but for its uv and material.
+SKY_HD Surface facet_surface(const Facet& facet, const Mat3& linear, Vec3 translation,
+                             const Mat3& normal_matrix, float u, float v, Vec3 view) {
   Surface surface;
-  const int32_t* t = mesh.triangles + 3 * static_cast<int64_t>(hit.triangle);
-  const Vec3 p0 = load3(mesh.positions, t[0]);
-  const Vec3 p1 = load3(mesh.positions, t[1]);
-  const Vec3 p2 = load3(mesh.positions, t[2]);
   // From the barycentric coordinates and not from the ray: a distance along a long ray rounds far
   // more coarsely.
-  const Vec3 local = interpolate(p0, p1, p2, hit.u, hit.v);
-  surface.position = place(instance, local);
+  const Vec3 local = interpolate(facet.p0, facet.p1, facet.p2, u, v);
+  surface.position = linear * local + translation;
   surface.position_error =
-      max_abs_component(surface.position) + max_abs_component(instance.translation) +
-      max_abs_component(local) * max_abs_component({max_abs_component(instance.linear.row[0]),
-                                                    max_abs_component(instance.linear.row[1]),
-                                                    max_abs_component(instance.linear.row[2])});
+      max_abs_component(surface.position) + max_abs_component(translation) +
+      max_abs_component(local) *
+          max_abs_component({max_abs_component(linear.row[0]), max_abs_component(linear.row[1]),
+                             max_abs_component(linear.row[2])});
 
   // Through the inverse transpose like the shading normals, so that both stay on the same side
   // under mirroring.
-  Vec3 geometric = normalize_or(instance.normal * cross(p1 - p0, p2 - p0), view);
+  Vec3 geometric =
+      normalize_or(normal_matrix * cross(facet.p1 - facet.p0, facet.p2 - facet.p0), view);
   const float side = dot(geometric, view) < 0.0f ? -1.0f : 1.0f;
   geometric = geometric * side;
   // Large triangles: as coarsely as its vertices round, so does the plane through them, also where
   // it passes near the origin.
-  const Vec3 extent =
-      max_components(abs_components(p0), max_components(abs_components(p1), abs_components(p2)));
-  const Vec3 reach = {dot(abs_components(instance.linear.row[0]), extent),
-                      dot(abs_components(instance.linear.row[1]), extent),
-                      dot(abs_components(instance.linear.row[2]), extent)};
+  const Vec3 extent = max_components(
+      abs_components(facet.p0), max_components(abs_components(facet.p1), abs_components(facet.p2)));
+  const Vec3 reach = {dot(abs_components(linear.row[0]), extent),
+                      dot(abs_components(linear.row[1]), extent),
+                      dot(abs_components(linear.row[2]), extent)};
   surface.position_error += dot(abs_components(geometric), reach);
-  Vec3 normal = geometric;
-  if (mesh.corner_normals) {
-    const Vec3 shading =
-        interpolate(load3(mesh.corner_normals, corner_index(mesh, hit.triangle, 0)),
-                    load3(mesh.corner_normals, corner_index(mesh, hit.triangle, 1)),
-                    load3(mesh.corner_normals, corner_index(mesh, hit.triangle, 2)), hit.u, hit.v);
-    normal = normalize_or(instance.normal * shading * side, geometric);
-  }
+  const Vec3 shading = interpolate(facet.n0, facet.n1, facet.n2, u, v);
+  surface.normal = normalize_or(normal_matrix * shading * side, geometric);
   surface.geometric_normal = geometric;
   surface.side = side;
-  surface.normal = normal;
-  surface.uv = {0.0f, 0.0f};
-  if (mesh.corner_uvs) {
-    const float w = 1.0f - hit.u - hit.v;
-    const float* a = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 0);
-    const float* b = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 1);
-    const float* c = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 2);
-    surface.uv = {a[0] * w + b[0] * hit.u + c[0] * hit.v, a[1] * w + b[1] * hit.u + c[1] * hit.v};
-  }
-  int32_t slot = mesh.material_slots ? mesh.material_slots[hit.triangle] : 0;
+  return surface;
+}
+
+/// (0,0) on a mesh without UVs.
+SKY_HD Vec2 surface_uv(const MeshView& mesh, const Hit& hit) {
+  if (!mesh.corner_uvs) return {0.0f, 0.0f};
+  const float w = 1.0f - hit.u - hit.v;
+  const float* a = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 0);
+  const float* b = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 1);
+  const float* c = mesh.corner_uvs + 2 * corner_index(mesh, hit.triangle, 2);
+  return {a[0] * w + b[0] * hit.u + c[0] * hit.v, a[1] * w + b[1] * hit.u + c[1] * hit.v};
+}
+
+/// -1: none.
+SKY_HD int32_t surface_material(const MeshView& mesh, const InstanceView& instance,
+                                const int32_t* instance_materials, int32_t triangle) {
+  int32_t slot = mesh.material_slots ? mesh.material_slots[triangle] : 0;
   if (slot >= instance.slot_count) slot = instance.slot_count - 1;  // as Blender clamps it
-  surface.material = slot < 0 ? -1 : instance_materials[instance.first_material + slot];
+  return slot < 0 ? -1 : instance_materials[instance.first_material + slot];
+}
+
+/// The surface at `hit`, seen along the unit direction `view`.
+SKY_HD Surface make_surface(const MeshView& mesh, const InstanceView& instance,
+                            const int32_t* instance_materials, const Hit& hit, Vec3 view) {
+  Surface surface = facet_surface(load_facet(mesh, hit.triangle), instance.linear,
+                                  instance.translation, instance.normal, hit.u, hit.v, view);
+  surface.uv = surface_uv(mesh, hit);
+  surface.material = surface_material(mesh, instance, instance_materials, hit.triangle);
   return surface;
 }
 

@@ -27,11 +27,20 @@ struct CutNode {
   Vec2 warp_low, warp_extent;
 };
 
-/// A split above the cut; a child is another split or, as ~index, a node of the cut.
+/// A split above the cut; a child is another split or, as ~index, a node of the cut. Words, as a
+/// host gathers those of many lanes at once.
 struct CutSplit {
-  int16_t first, second;
-  int32_t axis;  // 0: u.y, 1: u.z
+  uint32_t children;  // first | second << 16, each an int16_t
+  int32_t axis;       // 0: u.y, 1: u.z
 };
+
+SKY_HD CutSplit make_cut_split(int32_t first, int32_t second, int32_t axis) {
+  return {(uint32_t)(first & 0xffff) | (uint32_t)second << 16, axis};
+}
+
+SKY_HD int32_t cut_child(uint32_t children, bool second) {
+  return (int32_t)(children << (second ? 0 : 16)) >> 16;
+}
 
 struct CutView {
   const CutNode* nodes;          // count
@@ -40,14 +49,21 @@ struct CutView {
   int32_t count;                 // 1 to kLargestCut
 };
 
+/// The root: a split, or the only node as ~0.
+SKY_HD int32_t first_cut_node(const CutView& cut) { return cut.count > 1 ? 0 : ~0; }
+
 /// The cut for one lobe.
 struct ProductCut {
-  float ratio[kLargestCut];        // of each node's probability to that in the tree
-  uint16_t fraction[kLargestCut];  // of each split's probability that is its first child's, / 65536
+  float ratio[kLargestCut];  // of each node's probability to that in the tree
+  // Of each split's probability that is its first child's, in 1/65536, two to a word.
+  uint32_t fractions[kLargestCut / 2];
 };
 
+SKY_HD float first_fraction(uint32_t fractions, int32_t split) {
+  return (float)(int32_t)(fractions >> 16 * (split & 1) & 0xffffu) * (1.0f / 65536.0f);
+}
 SKY_HD float first_fraction(const ProductCut& cut, int32_t split) {
-  return (float)cut.fraction[split] * (1.0f / 65536.0f);
+  return first_fraction(cut.fractions[split >> 1], split);
 }
 
 struct ProductView {
@@ -77,23 +93,25 @@ SKY_HD float make_product_cut(const CutView& cut, const float* importance, Produ
   const float scale = directed ? (1.0f - kUndirected) / mean : 0.0f;
   const float floor = directed ? kUndirected : 1.0f;
   float sums[kLargestCut];  // of splits
+  for (uint32_t& pair : product->fractions) pair = 0;
   for (int32_t s = cut.count - 2; s >= 0; --s) {
     float parts[2];
     for (int side = 0; side < 2; ++side) {
-      const int32_t child = side ? cut.splits[s].second : cut.splits[s].first;
+      const int32_t child = cut_child(cut.splits[s].children, side);
       parts[side] = child >= 0
                         ? sums[child]
                         : cut.nodes[~child].probability * (floor + scale * importance[~child]);
     }
     sums[s] = parts[0] + parts[1];
-    product->fraction[s] = (uint16_t)clampf(parts[0] / sums[s] * 65536.0f + 0.5f, 1.0f, 65535.0f);
+    const float fraction = clampf(parts[0] / sums[s] * 65536.0f + 0.5f, 1.0f, 65535.0f);
+    product->fractions[s >> 1] |= (uint32_t)fraction << 16 * (s & 1);
   }
   // The ratios are those of the rounded fractions.
   if (cut.count == 1) product->ratio[0] = 1.0f;
   for (int32_t s = 0; s + 1 < cut.count; ++s) {
     const float all = s == 0 ? 1.0f : sums[s], first = first_fraction(*product, s);
     for (int side = 0; side < 2; ++side) {
-      const int32_t child = side ? cut.splits[s].second : cut.splits[s].first;
+      const int32_t child = cut_child(cut.splits[s].children, side);
       const float part = all * (side ? 1.0f - first : first);
       if (child >= 0) {
         sums[child] = part;
@@ -120,36 +138,50 @@ struct ProductPoint {
   float ratio;
 };
 
+/// Takes u, a point of the unit square of what lies below a split, to one of its children, and so
+/// `node`. Of each cut `fraction` goes to the first child and `reach` is its part of the
+/// probability of the node.
+SKY_HD void pass_split(CutSplit split, int cuts, const float* fraction, float* reach, Vec2* u,
+                       int32_t* node) {
+  float parts[kMixedCuts], first = 0.0f, both = 0.0f;
+  for (int k = 0; k < cuts; ++k) {
+    parts[k] = reach[k] * fraction[k];
+    first += parts[k];
+    both += reach[k];
+  }
+  // Without branches: which way a split sends a random point cannot be predicted.
+  const float border = first / both;
+  const bool across = split.axis == 0;
+  const float x = across ? u->x : u->y;
+  const bool second = x >= border;
+  const float inside = (second ? x - border : x) / (second ? 1.0f - border : border);
+  *u = {across ? inside : u->x, across ? u->y : inside};
+  for (int k = 0; k < cuts; ++k) reach[k] = second ? reach[k] - parts[k] : parts[k];
+  *node = cut_child(split.children, second);
+}
+
+/// The point of the tree's unit square that is u below a node of the cut.
+SKY_HD Vec2 point_in_node(Vec2 low, Vec2 extent, Vec2 u) {
+  // Rounding must not carry a number over the node's border.
+  const float x = low.x + extent.x * minf(u.x, 1.0f - 1e-6f);
+  const float y = low.y + extent.y * minf(u.y, 1.0f - 1e-6f);
+  return {minf(x, (low.x + extent.x) * kOneMinusEpsilon),
+          minf(y, (low.y + extent.y) * kOneMinusEpsilon)};
+}
+
 /// Where u lands. Monotone, so neighbours stay neighbours.
 SKY_HD_RARE ProductPoint product_warp(const ProductView& products, const ProductMix& mix, Vec2 u) {
   const CutView& cut = products.cut;
-  float reach[kMixedCuts];  // each cut's part of the probability of the node
+  float reach[kMixedCuts], fraction[kMixedCuts];
   for (int k = 0; k < mix.count; ++k) reach[k] = mix.weight[k];
-  int32_t node = cut.count > 1 ? 0 : ~0;
+  int32_t node = first_cut_node(cut);
   while (node >= 0) {
-    const CutSplit split = cut.splits[node];
-    float parts[kMixedCuts], first = 0.0f, both = 0.0f;
     for (int k = 0; k < mix.count; ++k) {
-      parts[k] = reach[k] * first_fraction(products.cuts[mix.cut[k]], node);
-      first += parts[k];
-      both += reach[k];
+      fraction[k] = first_fraction(products.cuts[mix.cut[k]], node);
     }
-    // Without branches: which way a split sends a random point cannot be predicted.
-    const float fraction = first / both;
-    const bool across = split.axis == 0;
-    const float x = across ? u.x : u.y;
-    const bool second = x >= fraction;
-    const float inside = (second ? x - fraction : x) / (second ? 1.0f - fraction : fraction);
-    u = {across ? inside : u.x, across ? u.y : inside};
-    for (int k = 0; k < mix.count; ++k) reach[k] = second ? reach[k] - parts[k] : parts[k];
-    node = second ? split.second : split.first;
+    pass_split(cut.splits[node], mix.count, fraction, reach, &u, &node);
   }
-  // Rounding must not carry a number over the node's border.
-  const Vec2 low = cut.nodes[~node].warp_low, extent = cut.nodes[~node].warp_extent;
-  const float x = low.x + extent.x * minf(u.x, 1.0f - 1e-6f);
-  const float y = low.y + extent.y * minf(u.y, 1.0f - 1e-6f);
-  return {{minf(x, (low.x + extent.x) * kOneMinusEpsilon),
-           minf(y, (low.y + extent.y) * kOneMinusEpsilon)},
+  return {point_in_node(cut.nodes[~node].warp_low, cut.nodes[~node].warp_extent, u),
           product_ratio(products, mix, ~node)};
 }
 

@@ -131,16 +131,20 @@ SKY_HD VertexRandom vertex_random(const PathState& path, int vertex) {
           random_pair(path.seed, path.sample, first + kPairChoice)};
 }
 
-/// Stage 1: the camera ray of sample `sample` of pixel (x,y), `filter_u` its random pair
-/// kPairFilter.
-SKY_HD void start_path(const SceneView& scene, const RenderSettings& settings, int x, int y,
-                       uint32_t seed, uint32_t sample, Vec2 filter_u, float control,
-                       PathState* path) {
+/// The camera ray of a sample of pixel (x,y), `filter_u` its random pair kPairFilter.
+SKY_HD Ray sample_camera_ray(const SceneView& scene, const RenderSettings& settings, int x, int y,
+                             Vec2 filter_u) {
   const float film_x =
       static_cast<float>(x) + 0.5f + sample_filter(settings.filter_table, filter_u.x);
   const float film_y =
       static_cast<float>(y) + 0.5f + sample_filter(settings.filter_table, filter_u.y);
-  path->ray = camera_ray(scene.camera, film_x, film_y);
+  return camera_ray(scene.camera, film_x, film_y);
+}
+
+/// Stage 1: sample `sample` of the pixel with this seed begins with a camera ray.
+SKY_HD void start_path(const Ray& ray, uint32_t seed, uint32_t sample, float control,
+                       PathState* path) {
+  path->ray = ray;
   path->throughput = {1, 1, 1};
   path->radiance = {0, 0, 0};
   path->sky = {0, 0, 0};

@@ -89,7 +89,7 @@ CutTables::CutTables(const BuildTree& tree, const std::vector<int32_t>& blocks,
       nodes.push_back(node);
     } else if (i < made) {
       const int32_t child = tree.nodes[i].first_child;
-      splits.push_back({numbers[child], numbers[child + 1], tree.nodes[i].axis});
+      splits.push_back(make_cut_split(numbers[child], numbers[child + 1], tree.nodes[i].axis));
     }
     const int32_t child = tree.nodes[i].first_child;
     if (child >= 0) node_of[child] = node_of[child + 1] = node_of[i];

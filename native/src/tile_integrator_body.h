@@ -26,9 +26,15 @@ struct Vectors {
 }  // namespace skytree
 
 #include "src/tile_lanes.h"
+#include "src/tile_surfaces.h"
 
 namespace skytree {
 namespace SKYTREE_ISA {
+
+struct CameraRays {
+  Vectors<kBatch> origin, direction;
+  float length[kBatch];
+};
 
 struct Batch {
   PathState paths[kTilePixels];
@@ -37,6 +43,8 @@ struct Batch {
   int waiting[Connections::kCapacity];
   uint32_t seeds[kTilePixels], samples[kTilePixels];
   float random[2][kTilePixels];
+  int film_x[kTilePixels], film_y[kTilePixels];
+  CameraRays camera_rays;
   Connections connections;
   Lanes diffuse, glossy;
   LaneWork work;
@@ -60,51 +68,83 @@ SKY_LANE_LOOP void draw_pairs(const uint32_t* seeds, const uint32_t* samples, in
   }
 }
 
+/// Shades vertex number `vertex` at one hit, whose surface is known but for its uv: gives it a
+/// place among the lanes, or shades it at once. Returns whether the path goes on from here already.
+static bool shade_hit(const IntegratorJob& job, int vertex, int index, const Hit& hit,
+                      Surface surface, Batch* batch) {
+  const SceneView& scene = job.scene;
+  PathState& path = batch->paths[index];
+  const Vec3 view = -path.ray.direction;
+  const InstanceView& instance = scene.instances[hit.instance];
+  const MeshView& mesh = scene.meshes[instance.mesh];
+  surface.uv = surface_uv(mesh, hit);
+  Shading shading;
+  evaluate_material(scene.tables, scene.materials[surface.material], mesh, instance, hit, surface,
+                    view, &shading);
+  int diffuse, glossy;
+  if (path.bounce <= job.settings.max_bounces && job.settings.candidates == 0 &&
+      is_simple(shading, &diffuse, &glossy)) {
+    path.radiance += path.throughput * shading.emission;
+    const int light_rays = light_ray_count(job.settings, path.bounce, shading);
+    const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
+    ProductMix products = {};
+    if (glossy && light_rays > 0) {
+      products = vertex_products(scene, shading, view, path.bounce, slot);
+    }
+    append_lane(surface, shading, path, index, light_rays,
+                looks_ahead(scene, path.bounce, path.control), slot, products,
+                glossy ? &batch->glossy : &batch->diffuse);
+    return false;
+  }
+  Connection connections[kMaxConnections];
+  int made = 0;
+  const bool goes_on =
+      shade_surface(scene, job.settings, hit, surface, shading, vertex, &path, connections, &made);
+  for (int k = 0; k < made; ++k) append(connections[k], index, &batch->connections);
+  return goes_on;
+}
+
 /// Shades vertex number `vertex` of the batch's `count` active paths, whose hits are known. Returns
 /// how many go on.
 static int shade_batch(const IntegratorJob& job, int vertex, int count, Batch* batch) {
   const SceneView& scene = job.scene;
   batch->connections.count = batch->diffuse.count = batch->glossy.count = 0;
+  LaneSurfaces surfaces;  // not in Batch, whose size must not depend on kLanes
   int alive = 0;
-  for (int i = 0; i < count; ++i) {
-    const int index = batch->active[i];
-    PathState& path = batch->paths[index];
-    const Hit& hit = batch->hits[i];
-    if (hit.instance < 0) {
-      shade_miss(scene, job.settings, &path);
-      continue;
-    }
-    const Vec3 view = -path.ray.direction;
-    const InstanceView& instance = scene.instances[hit.instance];
-    const MeshView& mesh = scene.meshes[instance.mesh];
-    const Surface surface = make_surface(mesh, instance, scene.instance_materials, hit, view);
-    if (surface.material < 0) continue;
-    Shading shading;
-    evaluate_material(scene.tables, scene.materials[surface.material], mesh, instance, hit, surface,
-                      view, &shading);
-    int diffuse, glossy;
-    if (path.bounce <= job.settings.max_bounces && job.settings.candidates == 0 &&
-        is_simple(shading, &diffuse, &glossy)) {
-      path.radiance += path.throughput * shading.emission;
-      const int light_rays = light_ray_count(job.settings, path.bounce, shading);
-      const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
-      ProductMix products = {};
-      if (glossy && light_rays > 0) {
-        products = vertex_products(scene, shading, view, path.bounce, slot);
+  for (int next = 0; next < count;) {
+    int hits[kLanes], materials[kLanes], lanes = 0;
+    for (; next < count && lanes < kLanes; ++next) {
+      PathState& path = batch->paths[batch->active[next]];
+      const Hit& hit = batch->hits[next];
+      if (hit.instance < 0) {
+        shade_miss(scene, job.settings, &path);
+        continue;
       }
-      append_lane(surface, shading, path, index, light_rays,
-                  looks_ahead(scene, path.bounce, path.control), slot, products,
-                  glossy ? &batch->glossy : &batch->diffuse);
-      continue;
+      const InstanceView& instance = scene.instances[hit.instance];
+      materials[lanes] = surface_material(scene.meshes[instance.mesh], instance,
+                                          scene.instance_materials, hit.triangle);
+      if (materials[lanes] < 0) continue;  // a surface without material is black
+      fetch_facet(scene, hit, -path.ray.direction, lanes, &surfaces);
+      hits[lanes++] = next;
     }
-    Connection connections[kMaxConnections];
-    int made = 0;
-    if (shade_surface(scene, job.settings, hit, surface, shading, vertex, &path, connections,
-                      &made)) {
-      batch->active[alive++] = index;
+    if (lanes == 0) break;
+    const int last = hits[lanes - 1];
+    for (int lane = lanes; lane < kLanes; ++lane) {
+      fetch_facet(scene, batch->hits[last], -batch->paths[batch->active[last]].ray.direction, lane,
+                  &surfaces);
     }
-    for (int k = 0; k < made; ++k) append(connections[k], index, &batch->connections);
+    shape_surfaces(&surfaces);
+    for (int lane = 0; lane < lanes; ++lane) {
+      const int index = batch->active[hits[lane]];
+      Surface surface = surfaces.get(lane);
+      surface.material = materials[lane];
+      // `active` is written only where it has been read.
+      if (shade_hit(job, vertex, index, batch->hits[hits[lane]], surface, batch)) {
+        batch->active[alive++] = index;
+      }
+    }
   }
+  batch->glossy.products.pad(batch->glossy.count);
   alive = shade_lanes<false>(scene, job.settings, batch->diffuse, vertex, &batch->work,
                              batch->paths, &batch->connections, batch->active, alive);
   return shade_lanes<true>(scene, job.settings, batch->glossy, vertex, &batch->work, batch->paths,
@@ -135,36 +175,64 @@ static void add_connections(const SceneView& scene, const Connections& connectio
   }
 }
 
+SKY_LANE_LOOP void draw_camera_rays(const SceneView& scene, const RenderSettings& settings,
+                                    const int* film_x, const int* film_y,
+                                    const float (*random)[kTilePixels], int count,
+                                    CameraRays* rays) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < count; ++i) {
+    const Ray ray =
+        sample_camera_ray(scene, settings, film_x[i], film_y[i], {random[0][i], random[1][i]});
+    rays->origin.set(i, ray.origin);
+    rays->direction.set(i, ray.direction);
+    rays->length[i] = ray.t_max;
+  }
+}
+
+/// Starts the paths of `work` and finds what their rays hit.
+static void start_paths(const IntegratorJob& job, const TileWork& work, Batch* batch) {
+  const int count = work.count;
+  for (int i = 0; i < count; ++i) {
+    const uint32_t pixel = work.paths[i].pixel;
+    batch->film_x[i] = work.x * kTileSize + static_cast<int>(pixel % kTileSize);
+    batch->film_y[i] = work.y * kTileSize + static_cast<int>(pixel / kTileSize);
+    batch->seeds[i] =
+        pixel_seed(job.settings.seed, batch->film_x[i], batch->film_y[i], job.settings.blue_noise);
+    batch->samples[i] = work.paths[i].sample;
+    batch->active[i] = i;
+  }
+  draw_pairs(batch->seeds, batch->samples, count, kPairFilter, batch->random[0], batch->random[1]);
+  CameraRays& rays = batch->camera_rays;
+  draw_camera_rays(job.scene, job.settings, batch->film_x, batch->film_y, batch->random, count,
+                   &rays);
+  const float control = control_of_pixel(job.settings, work.x * kTileSize, work.y * kTileSize);
+  for (int i = 0; i < count; ++i) {
+    start_path({rays.origin.get(i), 0.0f, rays.direction.get(i), rays.length[i]}, batch->seeds[i],
+               batch->samples[i], control, &batch->paths[i]);
+  }
+  const auto &o = rays.origin, &d = rays.direction;
+  trace_closest(job, count, true, batch->hits, [&](RayPacket* packet, int* valid, int first) {
+    copy_packet(packet, valid, first, count, o.x, o.y, o.z, d.x, d.y, d.z);
+    memcpy(packet->tfar, rays.length + first, kLanes * sizeof(float));
+  });
+}
+
 static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, TileScratch* scratch,
                             TileSample* out) {
   Batch& batch = *reinterpret_cast<Batch*>(scratch);
   int count = work.count;
   uint64_t rays = 0;
-  const auto film_x = [&](int i) {
-    return work.x * kTileSize + static_cast<int>(work.paths[i].pixel % kTileSize);
-  };
-  const auto film_y = [&](int i) {
-    return work.y * kTileSize + static_cast<int>(work.paths[i].pixel / kTileSize);
-  };
-  for (int i = 0; i < count; ++i) {
-    batch.seeds[i] = pixel_seed(job.settings.seed, film_x(i), film_y(i), job.settings.blue_noise);
-    batch.samples[i] = work.paths[i].sample;
-    batch.active[i] = i;
-  }
-  draw_pairs(batch.seeds, batch.samples, count, kPairFilter, batch.random[0], batch.random[1]);
-  const float control = control_of_pixel(job.settings, work.x * kTileSize, work.y * kTileSize);
-  for (int i = 0; i < count; ++i) {
-    start_path(job.scene, job.settings, film_x(i), film_y(i), batch.seeds[i], batch.samples[i],
-               {batch.random[0][i], batch.random[1][i]}, control, &batch.paths[i]);
-  }
-  bool coherent = true;
+  start_paths(job, work, &batch);
   // A path ends by its own rules; the bound only keeps an error in them from hanging a thread.
   const int max_vertices = job.settings.max_bounces + kMaxTransparentBounces + 2;
   for (int vertex = 0; count > 0 && vertex < max_vertices; ++vertex) {
-    trace_closest(job, count, coherent, batch.hits,
-                  [&](int i) -> const Ray& { return batch.paths[batch.active[i]].ray; });
+    if (vertex > 0) {
+      trace_closest(job, count, false, batch.hits, [&](RayPacket* packet, int* valid, int first) {
+        fill_packet(packet, valid, first, count,
+                    [&](int i) -> const Ray& { return batch.paths[batch.active[i]].ray; });
+      });
+    }
     rays += count;
-    coherent = false;
     count = shade_batch(job, vertex, count, &batch);
     Connections& connections = batch.connections;
     if (job.scene.has_transparency) {

@@ -5,8 +5,11 @@
 // read tables (tile_sampling.h, tile_texels.h) stay scalar. Included by tile_integrator_body.h.
 #pragma once
 
+#include <stddef.h>
+
 #include "src/tile_guide.h"
 #include "src/tile_packets.h"
+#include "src/tile_products.h"
 #include "src/tile_sampling.h"
 #include "src/tile_texels.h"
 
@@ -20,7 +23,7 @@ struct Lanes {
   uint32_t seed[kBatch], sample[kBatch];
   int light_rays[kBatch];
   uint32_t guide_slot[kBatch];
-  ProductMix products[kBatch];
+  LaneMixes products;
   float control[kBatch];
   int ahead[kBatch];  // whether radiance is looked up before the rays are traced
   Vectors<kBatch> position, geometric_normal, view, throughput;
@@ -53,8 +56,9 @@ struct LaneWork {
   float choice_x[kBatch], choice_y[kBatch], random_x[kBatch], random_y[kBatch];
   float light_choice[kBatch], guide_factor[kBatch];
   uint32_t index[kBatch];
-  int32_t region[kBatch];  // of the guide
-  Vectors<kBatch> gain;    // to the paths' radiance
+  int32_t region[kBatch];    // of the guide
+  int32_t cut_node[kBatch];  // that a direction lies in
+  Vectors<kBatch> gain;      // to the paths' radiance
 };
 
 /// Whether `shading` fits into lanes; how many lobes of each kind it has.
@@ -81,7 +85,7 @@ static void append_lane(const Surface& surface, const Shading& shading, const Pa
   lanes->sample[i] = path.sample;
   lanes->light_rays[i] = light_rays;
   lanes->guide_slot[i] = guide_slot;
-  lanes->products[i] = products;
+  lanes->products.set(i, products);
   lanes->ahead[i] = ahead;
   lanes->position.set(i, surface.position);
   lanes->position_error[i] = surface.position_error;
@@ -258,6 +262,31 @@ SKY_LANE_LOOP void turn_to_map(const Mat3& world_to_env, int count, LaneDirectio
   }
 }
 
+/// Sends random numbers where the guide has them, and finds regions to record. A place is directed
+/// by its mixture or by what has been learnt there, never by both.
+static void guide_lanes(const EnvSamplerView& sampler, const GuideView& guide, const Lanes& lanes,
+                        LaneWork* work) {
+  GuideLanes& guided = work->guided;
+  guided.count = 0;
+  for (int i = 0; i < lanes.count; ++i) {
+    const uint32_t slot = lanes.guide_slot[i];
+    const Vec2 u = {work->random_x[i], work->random_y[i]};
+    if (is_guided(guide, slot)) {
+      guided.append(i, slot, u);
+    } else {
+      work->region[i] = guide_point(sampler, guide, slot, {}, u).region;
+    }
+  }
+  if (guided.count > 0) warp_lanes(guide, &guided);
+  for (int j = 0; j < guided.count; ++j) {
+    const int i = guided.lane[j];
+    work->random_x[i] = guided.x[j];
+    work->random_y[i] = guided.y[j];
+    work->guide_factor[i] = guided.density[j];
+    work->region[i] = guided.region(j);
+  }
+}
+
 /// Light sample number `k` of the lanes that have so many.
 template <bool kGlossy>
 static void sample_light_lanes(const SceneView& scene, const RenderSettings& settings,
@@ -270,31 +299,17 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
     work->index[i] = light_index(lanes.sample[i], lanes.light_rays[i], k);
   }
   draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
-  GuideLanes& guided = work->guided;
-  guided.count = 0;
   for (int i = 0; i < lanes.count; ++i) {
     work->light_choice[i] = light_choice(work->choice_x[i], lanes.light_rays[i], k);
-    const uint32_t slot = lanes.guide_slot[i];
-    const Vec2 u = {work->random_x[i], work->random_y[i]};
-    if (is_guided(scene.guide, slot)) {
-      guided.append(i, slot, u);
-      continue;
-    }
-    const GuidedPoint point =
-        guide_point(environment.sampler, scene.guide, slot, lanes.products[i], u);
-    work->random_x[i] = point.point.x;
-    work->random_y[i] = point.point.y;
-    work->guide_factor[i] = point.density;
-    work->region[i] = point.region;
+    work->guide_factor[i] = 1.0f;
+    work->region[i] = kNoGuideRegion;
   }
-  if (guided.count > 0) warp_lanes(scene.guide, &guided);
-  for (int j = 0; j < guided.count; ++j) {
-    const int i = guided.lane[j];
-    work->random_x[i] = guided.x[j];
-    work->random_y[i] = guided.y[j];
-    work->guide_factor[i] = guided.density[j];
-    work->region[i] = guided.region(j);
+  const ProductView& products = environment.sampler.kdtree.products;
+  if (kGlossy && products.cuts) {
+    warp_by_products(products, lanes.products, lanes.count, work->random_x, work->random_y,
+                     work->guide_factor);
   }
+  if (scene.guide.cuts) guide_lanes(environment.sampler, scene.guide, lanes, work);
   LaneLights& lights = directions.lights;
   sample_environment_lanes(environment.sampler, lanes.count, work->light_choice, work->random_x,
                            work->random_y, &work->sampling, &lights);
@@ -320,6 +335,30 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
             lane_map(lanes, directions, i), record},
            lanes.path[i], connections);
   }
+}
+
+/// guide_factor on the densities in the lights' directions, whose blocks are known.
+template <bool kGlossy>
+static void apply_guide_factors(const SceneView& scene, const Lanes& lanes, LaneWork* work) {
+  const EnvSamplerView& sampler = scene.environment.sampler;
+  const ProductView& products = sampler.kdtree.products;
+  LaneLights& lights = work->directions.lights;
+  if (kGlossy && products.cuts) {
+    for (int i = 0; i < lanes.count; ++i) {
+      work->cut_node[i] = products.cut.node_of_block[work->sampling.block[i]];
+    }
+    find_ratios(products, lanes.products, lanes.count, work->cut_node, work->guide_factor);
+    for (int i = 0; i < lanes.count; ++i) lights.pdf[i] *= work->guide_factor[i];
+  }
+  if (!scene.guide.cuts) return;
+  GuideLanes& guided = work->guided;
+  guided.count = 0;
+  for (int i = 0; i < lanes.count; ++i) {
+    if (!is_guided(scene.guide, lanes.guide_slot[i])) continue;
+    guided.append(i, lanes.guide_slot[i], lane_warp_point(sampler, work->sampling, lights, i));
+  }
+  if (guided.count > 0) find_guide_densities(scene.guide, &guided);
+  for (int j = 0; j < guided.count; ++j) lights.pdf[guided.lane[j]] *= guided.density[j];
 }
 
 /// Directions drawn from the lobes.
@@ -378,23 +417,12 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     LaneLights& lights = directions.lights;
     turn_to_map(environment.world_to_env, count, &directions);
     locate(count, &lights);
-    if (most > 0) environment_pdf_lanes(environment.sampler, count, &work->sampling, &lights);
-    GuideLanes& guided = work->guided;
-    guided.count = 0;
-    for (int i = 0; i < count; ++i) {
-      if (most == 0) {
-        lights.pdf[i] = 0.0f;
-      } else if (is_guided(scene.guide, lanes.guide_slot[i])) {
-        guided.append(i, lanes.guide_slot[i],
-                      lane_warp_point(environment.sampler, work->sampling, lights, i));
-      } else {
-        lights.pdf[i] *=
-            guide_factor(environment.sampler, scene.guide, lanes.guide_slot[i], lanes.products[i],
-                         work->sampling.block[i], lights.local.get(i));
-      }
+    if (most > 0) {
+      environment_pdf_lanes(environment.sampler, count, &work->sampling, &lights);
+      apply_guide_factors<kGlossy>(scene, lanes, work);
+    } else {
+      for (int i = 0; i < count; ++i) lights.pdf[i] = 0.0f;
     }
-    if (guided.count > 0) find_guide_densities(scene.guide, &guided);
-    for (int j = 0; j < guided.count; ++j) lights.pdf[guided.lane[j]] *= guided.density[j];
     if (environment.sampler.type == EnvSamplerType::FILTERED) {
       for (int i = 0; i < count; ++i) {
         directions.radiance.set(

@@ -61,10 +61,28 @@ static void fill_packet(RayPacket* packet, int* valid, int first, int count, con
   }
 }
 
-/// hits[i] for ray_at(i), i < count.
-template <class RayAt>
+/// The same of rays that are arrays, with room for a packet's copy beyond the last; all begin at
+/// t = 0.
+static void copy_packet(RayPacket* packet, int* valid, int first, int count, const float* origin_x,
+                        const float* origin_y, const float* origin_z, const float* direction_x,
+                        const float* direction_y, const float* direction_z) {
+  constexpr size_t kBytes = kLanes * sizeof(float);
+  memcpy(packet->org_x, origin_x + first, kBytes);
+  memcpy(packet->org_y, origin_y + first, kBytes);
+  memcpy(packet->org_z, origin_z + first, kBytes);
+  memcpy(packet->dir_x, direction_x + first, kBytes);
+  memcpy(packet->dir_y, direction_y + first, kBytes);
+  memcpy(packet->dir_z, direction_z + first, kBytes);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    valid[lane] = first + lane < count ? -1 : 0;
+    packet->tnear[lane] = 0.0f;
+  }
+}
+
+/// hits[i] for ray i < count; fill(packet, valid, first) fills in the rays of a packet.
+template <class Fill>
 static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hit* hits,
-                          const RayAt& ray_at) {
+                          const Fill& fill) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
@@ -72,7 +90,7 @@ static void trace_closest(const IntegratorJob& job, int count, bool coherent, Hi
   RayHitPacket packet;
   clear_packet(&packet.ray);
   for (int first = 0; first < count; first += kLanes) {
-    fill_packet(&packet.ray, valid, first, count, ray_at);
+    fill(&packet.ray, valid, first);
     for (int lane = 0; lane < kLanes; ++lane) packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
     intersect(job, valid, &context, &packet);
     for (int lane = 0; lane < kLanes && first + lane < count; ++lane) {
@@ -127,18 +145,9 @@ static void trace_any(const IntegratorJob& job, Connections* connections) {
   RayPacket packet;
   clear_packet(&packet);
   for (int first = 0; first < connections->count; first += kLanes) {
-    constexpr size_t kBytes = kLanes * sizeof(float);
-    memcpy(packet.org_x, connections->origin.x + first, kBytes);
-    memcpy(packet.org_y, connections->origin.y + first, kBytes);
-    memcpy(packet.org_z, connections->origin.z + first, kBytes);
-    memcpy(packet.dir_x, connections->direction.x + first, kBytes);
-    memcpy(packet.dir_y, connections->direction.y + first, kBytes);
-    memcpy(packet.dir_z, connections->direction.z + first, kBytes);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      valid[lane] = first + lane < connections->count ? -1 : 0;
-      packet.tnear[lane] = 0.0f;
-      packet.tfar[lane] = INFINITY;
-    }
+    const auto &o = connections->origin, &d = connections->direction;
+    copy_packet(&packet, valid, first, connections->count, o.x, o.y, o.z, d.x, d.y, d.z);
+    for (int lane = 0; lane < kLanes; ++lane) packet.tfar[lane] = INFINITY;
     occluded(job, valid, &context, &packet);
     for (int lane = 0; lane < kLanes && first + lane < connections->count; ++lane) {
       connections->occluded[first + lane] = packet.tfar[lane] < 0.0f;
@@ -157,8 +166,10 @@ static uint64_t trace_through(const IntegratorJob& job, Connections* connections
     waiting[i] = i;
   }
   for (int depth = 0; left > 0 && depth <= kMaxTransparentBounces; ++depth) {
-    trace_closest(job, left, false, hits,
+    trace_closest(job, left, false, hits, [&](RayPacket* packet, int* valid, int first) {
+      fill_packet(packet, valid, first, left,
                   [&](int i) { return connection_at(*connections, waiting[i]).ray; });
+    });
     rays += left;
     int on = 0;
     for (int i = 0; i < left; ++i) {
