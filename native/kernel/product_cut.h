@@ -24,6 +24,7 @@ struct CutNode {
   Vec3 direction;     // mean, of unit length
   float spread;       // angular variance about it, radians^2
   float probability;  // of the tree
+  float solid_angle;
   Vec2 warp_low, warp_extent;
 };
 
@@ -85,13 +86,20 @@ struct ProductMix {
 /// may lie below the horizon while parts of it do not.
 constexpr float kUndirected = 0.1f;
 
-/// `importance[i]` for each node of the cut, at least 0; returns its mean over the tree's samples.
-SKY_HD float make_product_cut(const CutView& cut, const float* importance, ProductCut* product) {
+/// Mean over the tree's samples of `importance[i]`, which each node of the cut has.
+SKY_HD float mean_importance(const CutView& cut, const float* importance) {
   float mean = 0.0f;
   for (int32_t i = 0; i < cut.count; ++i) mean += cut.nodes[i].probability * importance[i];
+  return mean;
+}
+
+/// `share` of the samples by `importance`, which is at least 0, the rest by the tree alone.
+SKY_HD void make_product_cut(const CutView& cut, const float* importance, float share,
+                             ProductCut* product) {
+  const float mean = mean_importance(cut, importance);
   const bool directed = mean > 0.0f && mean < INFINITY;
-  const float scale = directed ? (1.0f - kUndirected) / mean : 0.0f;
-  const float floor = directed ? kUndirected : 1.0f;
+  const float scale = directed ? share / mean : 0.0f;
+  const float floor = directed ? 1.0f - share : 1.0f;
   float sums[kLargestCut];  // of splits
   for (uint32_t& pair : product->fractions) pair = 0;
   for (int32_t s = cut.count - 2; s >= 0; --s) {
@@ -120,7 +128,6 @@ SKY_HD float make_product_cut(const CutView& cut, const float* importance, Produ
       }
     }
   }
-  return directed ? mean : 0.0f;
 }
 
 /// Density below a node of the cut to that of the tree alone.

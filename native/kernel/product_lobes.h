@@ -17,6 +17,9 @@ constexpr int kLobeEdge = 32;                     // cells along the octahedral 
 constexpr int kLobeAxes = kLobeEdge * kLobeEdge;  // cuts of one kind of lobe
 constexpr int kLobeWidths = 6;                    // of GGX lobes, each twice the one before
 constexpr float kLeastLobeWidth = 0.02f;          // alpha of the first
+/// So many of them are narrower than a cell: most samples that a cut directs miss such a lobe, and
+/// only light that is brighter than the rest of it is worth that (product_table.cpp).
+constexpr int kCompensatedWidths = 1;
 constexpr int kCosineCuts = kLobeWidths * kLobeAxes;  // before them those of GGX, width by width
 constexpr int kTableCuts = kCosineCuts + kLobeAxes;
 

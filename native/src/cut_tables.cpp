@@ -28,11 +28,12 @@ void mean_direction(const TreeGrid& grid, const TexelRect& rect, double (&mean)[
 
 /// Sums over the blocks below a node.
 struct Below {
-  double probability = 0, sum[3] = {0, 0, 0};
+  double probability = 0, solid_angle = 0, sum[3] = {0, 0, 0};
   int32_t lo[2] = {WarpRect::kUnits, WarpRect::kUnits}, hi[2] = {0, 0};
 
   void add(const Below& part) {
     probability += part.probability;
+    solid_angle += part.solid_angle;
     for (int c = 0; c < 3; ++c) sum[c] += part.sum[c];
     for (int a = 0; a < 2; ++a) {
       lo[a] = std::min(lo[a], part.lo[a]);
@@ -49,8 +50,11 @@ CutTables::CutTables(const BuildTree& tree, const std::vector<int32_t>& blocks,
   for (size_t b = 0; b < blocks.size(); ++b) {
     Below& block = below[blocks[b]];
     const WarpRect& rect = warp.blocks[b];
-    mean_direction(grid, tree.nodes[blocks[b]].rect, block.sum);
+    const TexelRect& cells = tree.nodes[blocks[b]].rect;
+    mean_direction(grid, cells, block.sum);
     block.probability = rect.area();
+    block.solid_angle =
+        4.0 * kPiDouble * grid.rise(cells.lo[1], cells.hi[1]) * cells.size(0) / grid.columns();
     for (double& component : block.sum) component *= block.probability;
     std::copy_n(rect.lo, 2, block.lo);
     std::copy_n(rect.hi, 2, block.hi);
@@ -83,6 +87,7 @@ CutTables::CutTables(const BuildTree& tree, const std::vector<int32_t>& blocks,
                         scale > 0 ? (float)(scale * sums.sum[2]) : 1.0f};
       node.spread = (float)(2.0 * std::max(1.0 - length / sums.probability, 0.0));
       node.probability = (float)sums.probability;
+      node.solid_angle = (float)sums.solid_angle;
       node.warp_low = {(float)sums.lo[0] / WarpRect::kUnits, (float)sums.lo[1] / WarpRect::kUnits};
       node.warp_extent = {(float)(sums.hi[0] - sums.lo[0]) / WarpRect::kUnits,
                           (float)(sums.hi[1] - sums.lo[1]) / WarpRect::kUnits};

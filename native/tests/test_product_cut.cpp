@@ -75,6 +75,7 @@ TEST(ProductCut, CutsAreThoseOfTheTree) {
     const CutView cut = sampler.cut();
     EXPECT_EQ(cut.count, std::min(blocks, kLargestCut));
     std::vector<double> below(cut.count);
+    double solid_angle = 0;
     for (int b = 0; b < sampler.block_count(); ++b) {
       ASSERT_LT(cut.node_of_block[b], cut.count);
       below[cut.node_of_block[b]] += sampler.probabilities()[b];
@@ -85,7 +86,9 @@ TEST(ProductCut, CutsAreThoseOfTheTree) {
       EXPECT_NEAR(node.warp_extent.x * node.warp_extent.y, node.probability, 1e-6);
       EXPECT_NEAR(length(node.direction), 1.0f, 1e-5);
       EXPECT_GE(node.spread, 0.0f);
+      solid_angle += node.solid_angle;
     }
+    EXPECT_NEAR(solid_angle, 4 * M_PI, 1e-5);
   }
 }
 
@@ -182,6 +185,31 @@ TEST(ProductCut, OnlyDirectedSurfacesMix) {
   EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kGlossy, 1e-4f, 1e-4f), true).count, 0);
   EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kMetal, 0.2f, 0.2f), false).count, 1);
   EXPECT_EQ(mix_of(sampler, make_lobe(LobeType::kGlossy, 0.1f, 0.4f), true).count, 4);
+}
+
+TEST(ProductCut, NarrowLobesAreDirectedOnlyToWhatIsBrighterThanTheRest) {
+  const Lobe lobe = make_lobe(LobeType::kGlossy, 0.01f, 0.01f);
+  const Vec3 mirrored = lobe.normal * (2.0f * dot(lobe.normal, kView)) - kView;
+  const auto largest_ratio = [&](Vec3 sun) {
+    Map map(256, 128);
+    for (int y = 0; y < 128; ++y) {
+      // Hardly uneven, for a tree of small nodes.
+      for (int x = 0; x < 256; ++x) map.set(x, y, (x / 16 + y / 16) % 2 ? 1.0f : 1.02f);
+    }
+    const Vec2 uv = latlong_uv(sun);
+    map.set((int)(uv.x * 256), (int)(uv.y * 128), 200.0f);
+    const KdTreeSampler sampler(map.view(), config_of(1024));
+    const ProductView products = sampler.product_view().kdtree.products;
+    const ProductMix mix = mix_of(sampler, lobe, false);
+    EXPECT_EQ(mix.count, 1);
+    float largest = 0;
+    for (int i = 0; i < sampler.cut().count; ++i) {
+      largest = std::max(largest, product_ratio(products, mix, i));
+    }
+    return largest;
+  };
+  EXPECT_LT(largest_ratio(-mirrored), 1.5f);  // what it reflects is even: BSDF samples are enough
+  EXPECT_GT(largest_ratio(mirrored), 50.0f);
 }
 
 TEST(ProductCut, EstimatesAreUnbiasedAndVaryLess) {
