@@ -33,7 +33,7 @@ LONGEST_WAIT_SECONDS = 0.02
 # A sampler gets so much; if it is ready then, both together get no more than the second. Drawing an old
 # picture takes the processor from the threads that build where OpenGL is software.
 SAMPLER_WAIT_SECONDS = 0.025
-BOTH_WAIT_SECONDS = 0.037
+BOTH_WAIT_SECONDS = 0.033
 COARSEST_DIVISOR = 8
 # Of one pixel sample, before anything has been measured.
 ASSUMED_SECONDS = 1e-6
