@@ -86,23 +86,34 @@ SKY_HD uint32_t light_guide_record(const SceneView& scene, uint32_t slot, int32_
   return kNoGuideRecord;
 }
 
-/// A ray that only asks what is visible; false if it would go below the surface.
-SKY_HD bool probe_visibility(const SceneView& scene, const Surface& surface, uint32_t slot,
-                             uint32_t seed, uint32_t sample, int vertex, Connection* connection) {
-  const EnvironmentView& environment = scene.environment;
-  // Numbers of their own: the sequences of the pixel's other samples stay as they are.
-  const Vec2 u = hashed_pair(seed ^ 0x68bc21ebu, sample, static_cast<uint32_t>(vertex));
-  const GuidedPoint guided = guide_warp(scene.guide, kGuideEvenSlot, u);
-  const DirectionSample light =
-      sample_environment(environment.sampler, {0.5f, guided.point.x, guided.point.y});
-  const Vec3 direction = transpose_mul(environment.world_to_env, light.direction);
+/// Random numbers of a probe, its own: the sequences of the pixel's other samples stay as they are.
+SKY_HD Vec2 probe_random(uint32_t seed, uint32_t sample, int vertex) {
+  return hashed_pair(seed ^ 0x68bc21ebu, sample, static_cast<uint32_t>(vertex));
+}
+constexpr float kProbeChoice = 0.5f;  // the sampler's third number
+
+/// A ray that only asks what is visible in a direction of the map; false if it would go below the
+/// surface.
+SKY_HD bool make_probe(const SceneView& scene, const Surface& surface, uint32_t slot,
+                       int32_t region, Vec3 local, Connection* connection) {
+  const Vec3 direction = transpose_mul(scene.environment.world_to_env, local);
   const uint32_t record =
-      light_guide_record(scene, slot, guided.region, surface.geometric_normal, direction);
+      light_guide_record(scene, slot, region, surface.geometric_normal, direction);
   *connection = {{offset_origin(surface, direction), 0.0f, direction, INFINITY},
                  {0, 0, 0},
                  no_map_coordinates(),
                  record};
   return record != kNoGuideRecord;
+}
+
+/// The probe of a vertex, into any region.
+SKY_HD bool probe_visibility(const SceneView& scene, const Surface& surface, uint32_t slot,
+                             uint32_t seed, uint32_t sample, int vertex, Connection* connection) {
+  const GuidedPoint guided =
+      guide_warp(scene.guide, kGuideEvenSlot, probe_random(seed, sample, vertex));
+  const DirectionSample light =
+      sample_environment(scene.environment.sampler, {kProbeChoice, guided.point.x, guided.point.y});
+  return make_probe(scene, surface, slot, guided.region, light.direction, connection);
 }
 
 /// Pairs of random numbers: one for the camera, then kPairsPerBounce for each vertex.

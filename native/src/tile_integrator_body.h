@@ -86,9 +86,10 @@ static bool shade_hit(const IntegratorJob& job, int vertex, int index, const Hit
       is_simple(shading, &diffuse, &glossy)) {
     path.radiance += path.throughput * shading.emission;
     const int light_rays = light_ray_count(job.settings, path.bounce, shading);
-    const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
+    uint32_t slot = kNoGuideSlot;  // of diffuse lanes: all together in shade_batch
     ProductMix products = {};
     if (glossy && light_rays > 0) {
+      slot = vertex_guide_slot(scene, surface);
       products = vertex_products(scene, shading, view, path.bounce, slot);
     }
     append_lane(surface, shading, path, index, light_rays,
@@ -145,6 +146,7 @@ static int shade_batch(const IntegratorJob& job, int vertex, int count, Batch* b
     }
   }
   batch->glossy.products.pad(batch->glossy.count);
+  if (scene.guide.cuts) find_guide_slots(scene.guide, &batch->diffuse);
   alive = shade_lanes<false>(scene, job.settings, batch->diffuse, vertex, &batch->work,
                              batch->paths, &batch->connections, batch->active, alive);
   return shade_lanes<true>(scene, job.settings, batch->glossy, vertex, &batch->work, batch->paths,

@@ -361,6 +361,50 @@ static void apply_guide_factors(const SceneView& scene, const Lanes& lanes, Lane
   for (int j = 0; j < guided.count; ++j) lights.pdf[guided.lane[j]] *= guided.density[j];
 }
 
+/// vertex_guide_slot of all lanes with light samples.
+SKY_LANE_LOOP void find_guide_slots(const GuideView& guide, Lanes* lanes) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes->count; ++i) {
+    const uint32_t slot = guide_slot(guide, lanes->position.get(i), lanes->geometric_normal.get(i));
+    lanes->guide_slot[i] = lanes->light_rays[i] > 0 ? slot : kNoGuideSlot;
+  }
+}
+
+SKY_LANE_LOOP void draw_probes(const Lanes& lanes, int vertex, LaneWork* work) {
+  SKY_VECTOR_LOOP
+  for (int i = 0; i < lanes.count; ++i) {
+    const Vec2 u = probe_random(lanes.seed[i], lanes.sample[i], vertex);
+    work->random_x[i] = u.x;
+    work->random_y[i] = u.y;
+    work->light_choice[i] = kProbeChoice;
+  }
+}
+
+/// probe_visibility of all lanes with light samples.
+static void send_probes(const SceneView& scene, const Lanes& lanes, int vertex, LaneWork* work,
+                        Connections* connections) {
+  const EnvironmentView& environment = scene.environment;
+  GuideLanes& probes = work->guided;
+  LaneLights& lights = work->directions.lights;
+  draw_probes(lanes, vertex, work);
+  probes.count = 0;
+  for (int i = 0; i < lanes.count; ++i) {
+    if (lanes.light_rays[i] == 0 || lanes.guide_slot[i] == kNoGuideSlot) continue;
+    probes.append(i, kGuideEvenSlot, {work->random_x[i], work->random_y[i]});
+  }
+  warp_lanes(scene.guide, &probes);
+  sample_environment_lanes(environment.sampler, probes.count, work->light_choice, probes.x,
+                           probes.y, &work->sampling, &lights);
+  for (int j = 0; j < probes.count; ++j) {
+    const int i = probes.lane[j];
+    Connection probe;
+    if (make_probe(scene, lane_surface(lanes, i), lanes.guide_slot[i], probes.region(j),
+                   lights.local.get(j), &probe)) {
+      append(probe, lanes.path[i], connections);
+    }
+  }
+}
+
 /// Directions drawn from the lobes.
 template <bool kGlossy>
 SKY_LANE_LOOP void sample_bsdf_lanes(const Lanes& lanes, LaneWork* work) {
@@ -399,16 +443,7 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
   for (int k = 0; k < most; ++k) {
     sample_light_lanes<kGlossy>(scene, settings, lanes, vertex, k, work, connections);
   }
-  if (scene.guide.probing) {
-    for (int i = 0; i < count; ++i) {
-      Connection probe;
-      if (lanes.light_rays[i] > 0 && lanes.guide_slot[i] != kNoGuideSlot &&
-          probe_visibility(scene, lane_surface(lanes, i), lanes.guide_slot[i], lanes.seed[i],
-                           lanes.sample[i], vertex, &probe)) {
-        append(probe, lanes.path[i], connections);
-      }
-    }
-  }
+  if (scene.guide.probing) send_probes(scene, lanes, vertex, work, connections);
 
   draw_lanes(lanes, lanes.sample, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
   sample_bsdf_lanes<kGlossy>(lanes, work);

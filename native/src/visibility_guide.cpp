@@ -9,7 +9,7 @@ namespace skytree {
 namespace {
 
 constexpr int kInner = kGuideRegions - 1;
-constexpr int kGrid = 256;  // points along each side at which the warp is measured
+constexpr int kGrid = 128;  // points along each side at which the warp is measured
 
 /// Solid angle per rectangle of the unit square, from the warp's density on a grid.
 class WarpMeasure {
