@@ -24,8 +24,8 @@ struct CutNode {
   Vec3 direction;     // mean, of unit length
   float spread;       // angular variance about it, radians^2
   float probability;  // of the tree
-  float solid_angle;
   Vec2 warp_low, warp_extent;
+  float solid_angle;
 };
 
 /// A split above the cut; a child is another split or, as ~index, a node of the cut. Words, as a
