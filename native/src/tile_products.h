@@ -32,7 +32,7 @@ struct LaneMixes {
 /// Words of the tables, for gathers.
 struct ProductWords {
   static constexpr int kCut = sizeof(ProductCut) / 4, kFractions = kLargestCut;
-  static constexpr int kNode = sizeof(CutNode) / 4, kLow = 6, kExtent = 8;
+  static constexpr int kNode = sizeof(CutNode) / 4, kLow = 5, kExtent = 7;
   static_assert(offsetof(ProductCut, fractions) == 4 * kFractions, "words of a cut");
   static_assert(offsetof(CutNode, warp_low) == 4 * kLow, "words of a node");
   static_assert(offsetof(CutNode, warp_extent) == 4 * kExtent, "words of a node");
