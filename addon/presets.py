@@ -19,7 +19,7 @@ BUILT_IN = {
             "sampler": "KDTREE",
             "block_count": 1024,
             "auto_blocks": False,
-            "compensation": 0.4,
+            "compensation": 0.5,
             "split_criterion": "MIN_VARIANCE",
             "block_probability": "MIN_VARIANCE",
             "light_rays": 2,

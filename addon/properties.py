@@ -133,7 +133,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
     compensation: FloatProperty(
         update=_changed,
         name="Compensation",
-        default=0.4,
+        default=0.5,
         min=0.0,
         max=1.0,
         subtype="FACTOR",
@@ -199,8 +199,9 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         update=_changed,
         name="Learn Visibility",
         default=True,
-        description="Final renders on the CPU: what shadow rays meet at first steers later "
-        "samples, for rooms lit through windows; open scenes find nothing to learn and stay as they are",
+        description="Final renders on the CPU, from 8 samples on: what shadow rays meet at first steers "
+        "later samples, for rooms lit through windows; open scenes find nothing to learn and stay as "
+        "they are",
     )
     adaptive_sampling: BoolProperty(
         update=_changed,

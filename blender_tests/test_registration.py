@@ -20,7 +20,7 @@ FIXED_SETTINGS = {
     "split_criterion": "MIN_VARIANCE",
     "block_probability": "MIN_VARIANCE",
     "auto_blocks": False,
-    "compensation": 0.4,
+    "compensation": 0.5,
     "pixel_filter": "BLACKMAN_HARRIS",
     "filter_width": 1.5,
     "light_rays": 2,

@@ -224,6 +224,8 @@ void RenderSession::worker(int index) {
   }
 }
 
+/// Renders of fewer samples do not learn: what is learnt serves too few to be worth its time.
+constexpr int kLeastSamplesToLearn = 8;
 /// Samples of a pixel after which nothing more is learnt, and until which vertices send probes.
 constexpr int64_t kLearningSamples = 16;
 constexpr int64_t kProbingSamples = 8;
@@ -236,7 +238,8 @@ void RenderSession::start_learning() {
   guide_pass_ = 0;
   SceneView& scene = job_.scene;
   scene.guide = {};
-  if (!options_.learn_visibility || !options_.light_sampling || options_.samples - cpu_begin_ < 2 ||
+  if (!options_.learn_visibility || !options_.light_sampling ||
+      options_.samples - cpu_begin_ < kLeastSamplesToLearn ||
       !has_warp(scene.environment.sampler)) {
     return;
   }

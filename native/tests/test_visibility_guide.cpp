@@ -203,6 +203,13 @@ TEST(VisibilityGuide, SameBitsForAnyNumberOfThreads) {
   EXPECT_EQ(render(scene, options, 1), render(scene, options, 3));
 }
 
+TEST(VisibilityGuide, FewSamplesDoNotLearn) {
+  const auto scene = make_room_scene(false);
+  light(scene);
+  EXPECT_EQ(render(scene, room_options(7, 3, true)), render(scene, room_options(7, 3, false)));
+  EXPECT_NE(render(scene, room_options(8, 3, true)), render(scene, room_options(8, 3, false)));
+}
+
 TEST(VisibilityGuide, OpenScenesKeepTheirBits) {
   const auto scene = make_room_scene(true);
   light(scene);
