@@ -244,8 +244,8 @@ TEST(Estimators, KeepTheMean) {
       options.control_variate = true;
       options.product_sampling = true;
       const Mean best = mean_of(render(scene, options));
-      EXPECT_NEAR(best.r / plain.r, 1.0, 0.0015) << bounces << bsdf_sampling;
-      EXPECT_NEAR(best.b / plain.b, 1.0, 0.0015) << bounces << bsdf_sampling;
+      EXPECT_NEAR(best.r / plain.r, 1.0, 0.001) << bounces << bsdf_sampling;
+      EXPECT_NEAR(best.b / plain.b, 1.0, 0.001) << bounces << bsdf_sampling;
     }
   }
 }
@@ -275,8 +275,10 @@ TEST(Estimators, ProductSamplingKeepsTheMeanAndVariesLess) {
     const std::vector<float> reference = render(scene, options);
     options.product_sampling = false;
     const Mean plain = mean_of(render(scene, options)), directed = mean_of(reference);
-    EXPECT_NEAR(directed.r / plain.r, 1.0, 0.0015);
-    EXPECT_NEAR(directed.b / plain.b, 1.0, 0.0015);
+    // Without product sampling the sun in the narrowest lobe leaves noise of 0.2 %.
+    const double noise = m == 0 ? 0.002 : 0.001;
+    EXPECT_NEAR(directed.r / plain.r, 1.0, noise);
+    EXPECT_NEAR(directed.b / plain.b, 1.0, noise);
     double errors[2] = {0, 0};
     options.samples = 8;
     options.seed = 5;
