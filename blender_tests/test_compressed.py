@@ -41,7 +41,7 @@ def test_packed_into_a_blend_file(skytree, scene, file, tmp_path):
     blend = tmp_path / "packed.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend), check_existing=False)
     bpy.ops.wm.open_mainfile(filepath=str(blend), load_ui=False)
-    np.testing.assert_array_equal(scenes.render_skytree(bpy.context.scene, 2), before)
+    scenes.assert_same_picture(scenes.render_skytree(bpy.context.scene, 2), before)
 
 
 def test_a_damaged_file_is_named(skytree, scene, file):

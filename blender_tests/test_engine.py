@@ -32,8 +32,8 @@ def test_same_seed_same_picture_for_any_threads(lit):
         if mode == "FIXED":
             lit.render.threads = threads
         pictures.append(scenes.render_skytree(lit, 8, seed=5))
-    np.testing.assert_array_equal(pictures[0], pictures[1])
-    np.testing.assert_array_equal(pictures[0], pictures[2])
+    scenes.assert_same_picture(pictures[0], pictures[1])
+    scenes.assert_same_picture(pictures[0], pictures[2])
     assert not np.array_equal(pictures[0], scenes.render_skytree(lit, 8, seed=6))
 
 
@@ -106,7 +106,7 @@ def test_cuda_without_a_gpu_renders_on_the_cpu_and_says_so(lit, skytree):
         pytest.skip("this machine has a CUDA device")
     cpu = scenes.render_skytree(lit, 4)
     picture = scenes.render_skytree(lit, 4, device="CUDA")
-    np.testing.assert_array_equal(picture, cpu)
+    scenes.assert_same_picture(picture, cpu)
     assert "NVIDIA" in scenes.messages(skytree)
 
 

@@ -57,7 +57,7 @@ def live(scene, skytree):
     yield follower
     core = scenes.part(skytree, "native").core()
     # Whatever was sent piece by piece has to show the same as all of it sent at once.
-    np.testing.assert_array_equal(follower.picture(core), Live(skytree).picture(core))
+    scenes.assert_same_picture(follower.picture(core), Live(skytree).picture(core))
 
 
 def sphere_of(scene):

@@ -215,7 +215,9 @@ static void start_paths(const IntegratorJob& job, const TileWork& work, Batch* b
   const auto &o = rays.origin, &d = rays.direction;
   trace_closest(job, count, true, batch->hits, [&](RayPacket* packet, int* valid, int first) {
     copy_packet(packet, valid, first, count, o.x, o.y, o.z, d.x, d.y, d.z);
-    memcpy(packet->tfar, rays.length + first, kLanes * sizeof(float));
+    for (int lane = 0; lane < kLanes; ++lane) {
+      packet->tfar[lane] = rays.length[first + lane < count ? first + lane : first];
+    }
   });
 }
 

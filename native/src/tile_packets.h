@@ -77,6 +77,15 @@ static void copy_packet(RayPacket* packet, int* valid, int first, int count, con
     valid[lane] = first + lane < count ? -1 : 0;
     packet->tnear[lane] = 0.0f;
   }
+  // Lanes that are switched off, too: Embree may go another way by them, and round otherwise.
+  for (int lane = count - first; lane < kLanes; ++lane) {
+    packet->org_x[lane] = packet->org_x[0];
+    packet->org_y[lane] = packet->org_y[0];
+    packet->org_z[lane] = packet->org_z[0];
+    packet->dir_x[lane] = packet->dir_x[0];
+    packet->dir_y[lane] = packet->dir_y[0];
+    packet->dir_z[lane] = packet->dir_z[0];
+  }
 }
 
 /// hits[i] for ray i < count; fill(packet, valid, first) fills in the rays of a packet.
