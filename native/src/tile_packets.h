@@ -77,7 +77,8 @@ static void copy_packet(RayPacket* packet, int* valid, int first, int count, con
     valid[lane] = first + lane < count ? -1 : 0;
     packet->tnear[lane] = 0.0f;
   }
-  // Lanes that are switched off, too: Embree may go another way by them, and round otherwise.
+  // Lanes that are switched off repeat the first, as in fill_packet: nothing of another packet is
+  // left.
   for (int lane = count - first; lane < kLanes; ++lane) {
     packet->org_x[lane] = packet->org_x[0];
     packet->org_y[lane] = packet->org_y[0];

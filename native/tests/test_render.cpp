@@ -355,20 +355,6 @@ TEST(Determinism, BitsDependOnPixelSampleAndSeedOnly) {
   bits_depend_on_pixel_sample_and_seed_only(false, false);
   bits_depend_on_pixel_sample_and_seed_only(false, true);
 }
-TEST(Determinism, SharedOutSamplesFillNoPacketButKeepTheirBits) {
-  // What is left in the lanes of a packet that is not full must not matter: it is another thread's.
-  const auto scene = make_spheres_scene(4.0 / 3.0);
-  scene->set_environment(turned_sky());
-  for (uint32_t seed = 0; seed < 10; ++seed) {
-    RenderOptions options = small(8, 0);
-    options.seed = seed;
-    options.adaptive_sampling = options.control_variate = options.product_sampling = true;
-    const std::vector<float> one = render(scene, options, 1);
-    EXPECT_EQ(one, render(scene, options, 3)) << seed;
-    EXPECT_EQ(one, render(scene, options, 5)) << seed;
-  }
-}
-
 TEST(Determinism, WithBlueNoiseToo) { bits_depend_on_pixel_sample_and_seed_only(true, true); }
 
 TEST(Camera, OrthographicAndShiftSeeWhatTheyShould) {
