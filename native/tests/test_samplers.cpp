@@ -9,67 +9,16 @@
 #include <random>
 #include <string>
 
-#include "src/alias_sampler.h"
-#include "src/hierarchy_sampler.h"
-#include "src/inversion_sampler.h"
-#include "src/kdtree_sampler.h"
+#include "tests/all_samplers.h"
 #include "tests/synthetic_maps.h"
 
 namespace skytree {
 namespace {
 
+using testing::all_samplers;
+using testing::constant_samplers;
 using testing::Map;
-
-struct NamedSampler {
-  std::string name;
-  std::unique_ptr<EnvironmentSampler> sampler;
-};
-
-/// Those whose density is constant in a texel.
-std::vector<NamedSampler> constant_samplers(const LatLongImage& image, int block_count) {
-  std::vector<NamedSampler> samplers;
-  const char* criteria[] = {"RANGE", "VARIANCE", "SSE", "MIN_VARIANCE", "MEDIAN_CUT"};
-  const char* probabilities[] = {"FITTED", "EXACT", "MIN_VARIANCE"};
-  for (int c = 0; c < 5; ++c) {
-    for (int p = 0; p < 3; ++p) {
-      for (Statistics statistics : {Statistics::RADIANCE, Statistics::PIXELS}) {
-        KdTreeConfig config;
-        config.block_count = block_count;
-        config.split_criterion = (SplitCriterion)c;
-        config.block_probability = (BlockProbability)p;
-        config.statistics = statistics;
-        config.block_density = BlockDensity::CONSTANT;
-        samplers.push_back({std::string(criteria[c]) + " " + probabilities[p] +
-                                (statistics == Statistics::PIXELS ? " of pixels" : ""),
-                            std::make_unique<KdTreeSampler>(image, config)});
-      }
-    }
-  }
-  samplers.push_back({"inversion, guided", std::make_unique<InversionSampler>(image, true)});
-  samplers.push_back({"inversion, binary", std::make_unique<InversionSampler>(image, false)});
-  samplers.push_back({"alias", std::make_unique<AliasSampler>(image)});
-  samplers.push_back({"hierarchy", std::make_unique<HierarchySampler>(image)});
-  samplers.push_back({"uniform", std::make_unique<UniformSampler>()});
-  return samplers;
-}
-
-std::vector<NamedSampler> all_samplers(const LatLongImage& image, int block_count) {
-  std::vector<NamedSampler> samplers;
-  for (double compensation : {0.0, 1.0}) {
-    KdTreeConfig config;
-    config.block_count = block_count;
-    config.split_criterion = SplitCriterion::MIN_VARIANCE;
-    config.block_probability = BlockProbability::MIN_VARIANCE;
-    config.block_density = BlockDensity::LINEAR;
-    config.compensation = compensation;
-    samplers.push_back({compensation > 0 ? "linear, compensated" : "linear",
-                        std::make_unique<KdTreeSampler>(image, config)});
-  }
-  for (NamedSampler& named : constant_samplers(image, block_count)) {
-    samplers.push_back(std::move(named));
-  }
-  return samplers;
-}
+using testing::NamedSampler;
 
 struct NamedMap {
   std::string name;

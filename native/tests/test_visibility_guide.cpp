@@ -7,7 +7,7 @@
 
 #include "src/kdtree_sampler.h"
 #include "src/visibility_guide.h"
-#include "tests/render_scenes.h"
+#include "tests/exact_references.h"
 
 namespace skytree {
 namespace {
@@ -63,7 +63,7 @@ double error_of(const std::vector<float>& image, const std::vector<float>& refer
   return sum / double(kept);
 }
 
-class WarpPoint : public testing::TestWithParam<bool> {};
+class WarpPoint : public ::testing::TestWithParam<bool> {};
 
 TEST_P(WarpPoint, IsWhereTheDirectionCameFrom) {
   const std::vector<float> sky = make_sky(kWidth, kHeight);
@@ -82,7 +82,7 @@ TEST_P(WarpPoint, IsWhereTheDirectionCameFrom) {
   EXPECT_LT(worst, 2e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Densities, WarpPoint, testing::Bool());
+INSTANTIATE_TEST_SUITE_P(Densities, WarpPoint, ::testing::Bool());
 
 /// A slot of surfaces that face up, where most of the light comes from.
 constexpr uint32_t kSlot = 4, kOtherSlot = 12;
@@ -196,22 +196,40 @@ TEST(VisibilityGuide, RoomsGetCleanerAndKeepTheirMean) {
   EXPECT_NEAR(mean_of(long_learnt) / mean_of(reference), 1.0, 0.01);  // noise of the reference
 }
 
-TEST(VisibilityGuide, RoomsKeepTheirMean) {
-  // Many short renders, as what is learnt early is the least reliable; direct light of an even map,
-  // or noise would need hundreds of times as many samples.
-  const auto scene = make_room_scene(false);
-  light(scene, std::vector<float>(size_t(3) * kWidth * kHeight, 1.0f));
-  RenderOptions options = room_options(12288, 99, false);
-  options.max_bounces = 0;
-  const double plain = mean_of(render(scene, options));
-  double learnt = 0;
-  constexpr int kRenders = 96;
-  for (int i = 0; i < kRenders; ++i) {
-    options = room_options(64, 100 + i, true);
-    options.max_bounces = 0;
-    learnt += mean_of(render(scene, options)) / kRenders;
+/// Many short renders, as what is learnt early is the least reliable.
+TEST(VisibilityGuide, KeepsTheMeanOfAnIntegratingSphere) {
+  const std::vector<float> sky = testing::make_soft_sky(kWidth, kHeight);
+  EnvironmentInput environment;
+  environment.sampler = make_sampler(sky, true);
+  environment.texels = share(sky);
+  environment.width = kWidth;
+  environment.height = kHeight;
+  const float s = 0.6f, c = 0.8f;  // the bright part of the sky above the hole
+  environment.world_to_env = {{{c, 0, s}, {0, 1, 0}, {-s, 0, c}}};
+  const testing::IntegratingSphere sphere(50, environment);
+  for (const int bounces : {0, 1}) {
+    RenderOptions options = room_options(64, 0, true);
+    options.max_bounces = bounces;
+    const std::vector<testing::Rgb> reference =
+        sphere.pixels(options.width, options.height, bounces);
+    double mean = 0, errors[2] = {0, 0};
+    constexpr int kRenders = 20;
+    for (int i = 0; i < kRenders; ++i) {
+      options.seed = 100 + i;
+      for (const bool learn : {false, true}) {
+        if (!learn && i > 0) continue;
+        options.learn_visibility = learn;
+        const std::vector<float> image = render(sphere.scene, options);
+        if (learn) mean += testing::mean_rgb(image).g / kRenders;
+        if (i > 0) continue;
+        for (size_t p = 0; p < reference.size(); ++p) {
+          errors[learn] += std::pow(image[4 * p + 1] - reference[p].g, 2);
+        }
+      }
+    }
+    EXPECT_NEAR(mean / testing::mean_rgb(reference).g, 1.0, 0.001) << bounces;
+    EXPECT_LT(errors[1], 0.6 * errors[0]) << "hardly guided, " << bounces;
   }
-  EXPECT_NEAR(learnt / plain, 1.0, 0.003);  // three times the noise
 }
 
 TEST(VisibilityGuide, SameBitsForAnyNumberOfThreads) {
