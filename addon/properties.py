@@ -199,7 +199,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         update=_changed,
         name="Learn Visibility",
         default=True,
-        description="Final renders on the CPU, from 8 samples on: what shadow rays meet at first steers "
+        description="Final renders on the CPU, from 16 samples on: what shadow rays meet at first steers "
         "later samples, for rooms lit through windows; open scenes find nothing to learn and stay as "
         "they are",
     )

@@ -87,8 +87,8 @@ SKY_HD uint32_t light_guide_record(const SceneView& scene, uint32_t slot, int32_
 }
 
 /// Random numbers of a probe, its own: the sequences of the pixel's other samples stay as they are.
-SKY_HD Vec2 probe_random(uint32_t seed, uint32_t sample, int vertex) {
-  return hashed_pair(seed ^ 0x68bc21ebu, sample, static_cast<uint32_t>(vertex));
+SKY_HD Vec2 probe_random(uint32_t seed, uint32_t sample) {
+  return hashed_pair(seed ^ 0x68bc21ebu, sample, 0);
 }
 constexpr float kProbeChoice = 0.5f;  // the sampler's third number
 
@@ -106,11 +106,11 @@ SKY_HD bool make_probe(const SceneView& scene, const Surface& surface, uint32_t 
   return record != kNoGuideRecord;
 }
 
-/// The probe of a vertex, into any region.
+/// The probe of a path's first vertex, into any region. Later vertices send none: there are more of
+/// them, and what they could learn is worth less than their rays cost.
 SKY_HD bool probe_visibility(const SceneView& scene, const Surface& surface, uint32_t slot,
-                             uint32_t seed, uint32_t sample, int vertex, Connection* connection) {
-  const GuidedPoint guided =
-      guide_warp(scene.guide, kGuideEvenSlot, probe_random(seed, sample, vertex));
+                             uint32_t seed, uint32_t sample, Connection* connection) {
+  const GuidedPoint guided = guide_warp(scene.guide, kGuideEvenSlot, probe_random(seed, sample));
   const DirectionSample light =
       sample_environment(scene.environment.sampler, {kProbeChoice, guided.point.x, guided.point.y});
   return make_probe(scene, surface, slot, guided.region, light.direction, connection);
@@ -248,9 +248,8 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
                             map,
                             record};
   }
-  if (slot != kNoGuideSlot && scene.guide.probing) {
-    count += probe_visibility(scene, surface, slot, path->seed, path->sample, vertex,
-                              connections + count);
+  if (slot != kNoGuideSlot && scene.guide.probing && vertex == 0) {
+    count += probe_visibility(scene, surface, slot, path->seed, path->sample, connections + count);
   }
   return count;
 }

@@ -53,7 +53,7 @@ struct GuideView {
   const uint8_t* used = nullptr;  // whether a slot's ratios are worth using
   GuideCounter* counters = nullptr;  // kGuideSlots x kGuideRegions; null: nothing is recorded
   uint8_t* touched = nullptr;        // whether a slot has records
-  bool probing = false;              // vertices send a ray into any region, to learn what it meets
+  bool probing = false;  // first vertices send a ray into any region, to learn what it meets
   Vec3 eye = {0, 0, 0};
   float cell_size = 0.0f;  // fixed side of a cell; 0: by distance to the eye
 };

@@ -225,13 +225,15 @@ void RenderSession::worker(int index) {
 }
 
 /// Renders of fewer samples do not learn: what is learnt serves too few to be worth its time.
-constexpr int kLeastSamplesToLearn = 8;
-/// Samples of a pixel after which nothing more is learnt, and until which vertices send probes.
+constexpr int kLeastSamplesToLearn = 16;
+/// Samples of a pixel after which nothing more is learnt, and until which paths send probes.
 constexpr int64_t kLearningSamples = 16;
 constexpr int64_t kProbingSamples = 8;
-/// Share of the trials that must lie in guided slots for learning to go on: after the first sample,
-/// which leaves most slots with too few trials to be judged, and after later ones.
-constexpr double kFirstGuidedShare = 0.05, kLeastGuidedShare = 0.2;
+/// What may be left of the light samples' second moment for learning to go on after so many
+/// samples; the first ones promise less than is learnt in the end. No more than half: guided
+/// vertices cost about a third more, and less is gained than promised where the error was small
+/// already, as stratified samples have little of their second moment as error.
+double most_left(int64_t samples) { return samples < 4 ? 0.7 : 0.5; }
 
 void RenderSession::start_learning() {
   guide_.reset();
@@ -276,12 +278,11 @@ void RenderSession::learn_before(uint64_t pass, int64_t begin) {
   if (!guide_ || pass == 0 || guide_pass_ >= pass || !wait_for_samples(begin)) return;
   std::lock_guard<std::mutex> lock(guide_mutex_);
   if (guide_pass_ >= pass) return;
-  const double guided = guide_->update();
+  const double left = guide_->update();
   guide_->set_probing(begin < kProbingSamples);
   if (begin >= kLearningSamples) guide_->freeze();
-  // An open scene: what little there is to learn is not worth the records and look-ups.
-  const bool open = guided < (begin == 1 ? kFirstGuidedShare : kLeastGuidedShare);
-  job_.scene.guide = open ? GuideView() : guide_->view();
+  // Where little is gained, as in an open scene, it is not worth the records and look-ups.
+  job_.scene.guide = left <= most_left(begin) ? guide_->view() : GuideView();
   // Last, as it lets the other threads go on with the view; for good once nothing more is learnt.
   guide_pass_ = job_.scene.guide.counters ? pass : UINT64_MAX;
 }

@@ -370,10 +370,10 @@ SKY_LANE_LOOP void find_guide_slots(const GuideView& guide, Lanes* lanes) {
   }
 }
 
-SKY_LANE_LOOP void draw_probes(const Lanes& lanes, int vertex, LaneWork* work) {
+SKY_LANE_LOOP void draw_probes(const Lanes& lanes, LaneWork* work) {
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
-    const Vec2 u = probe_random(lanes.seed[i], lanes.sample[i], vertex);
+    const Vec2 u = probe_random(lanes.seed[i], lanes.sample[i]);
     work->random_x[i] = u.x;
     work->random_y[i] = u.y;
     work->light_choice[i] = kProbeChoice;
@@ -381,12 +381,12 @@ SKY_LANE_LOOP void draw_probes(const Lanes& lanes, int vertex, LaneWork* work) {
 }
 
 /// probe_visibility of all lanes with light samples.
-static void send_probes(const SceneView& scene, const Lanes& lanes, int vertex, LaneWork* work,
+static void send_probes(const SceneView& scene, const Lanes& lanes, LaneWork* work,
                         Connections* connections) {
   const EnvironmentView& environment = scene.environment;
   GuideLanes& probes = work->guided;
   LaneLights& lights = work->directions.lights;
-  draw_probes(lanes, vertex, work);
+  draw_probes(lanes, work);
   probes.count = 0;
   for (int i = 0; i < lanes.count; ++i) {
     if (lanes.light_rays[i] == 0 || lanes.guide_slot[i] == kNoGuideSlot) continue;
@@ -443,7 +443,7 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
   for (int k = 0; k < most; ++k) {
     sample_light_lanes<kGlossy>(scene, settings, lanes, vertex, k, work, connections);
   }
-  if (scene.guide.probing) send_probes(scene, lanes, vertex, work, connections);
+  if (scene.guide.probing && vertex == 0) send_probes(scene, lanes, work, connections);
 
   draw_lanes(lanes, lanes.sample, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
   sample_bsdf_lanes<kGlossy>(lanes, work);

@@ -11,16 +11,31 @@ namespace {
 constexpr int kInner = kGuideRegions - 1;
 constexpr int kGrid = 128;  // points along each side at which the warp is measured
 
-/// Solid angle per rectangle of the unit square, from the warp's density on a grid.
+Vec2 grid_point(int x, int y) { return {(x + 0.5f) / kGrid, (y + 0.5f) / kGrid}; }
+
+/// Where the warp takes the grid's points, row by row.
+std::vector<DirectionSample> sample_grid(const EnvSamplerView& sampler) {
+  std::vector<DirectionSample> samples;
+  samples.reserve(size_t(kGrid) * kGrid);
+  for (int y = 0; y < kGrid; ++y) {
+    for (int x = 0; x < kGrid; ++x) {
+      const Vec2 point = grid_point(x, y);
+      samples.push_back(sample_environment(sampler, {0.5f, point.x, point.y}));
+    }
+  }
+  return samples;
+}
+
+/// Solid angle per rectangle of the unit square, from the warp's density on the grid.
 class WarpMeasure {
  public:
-  explicit WarpMeasure(const EnvSamplerView& sampler) : sums_((kGrid + 1) * (kGrid + 1), 0.0) {
+  explicit WarpMeasure(const std::vector<DirectionSample>& samples)
+      : sums_((kGrid + 1) * (kGrid + 1), 0.0) {
     for (int y = 0; y < kGrid; ++y) {
       double row = 0.0;
       for (int x = 0; x < kGrid; ++x) {
-        const DirectionSample sample =
-            sample_environment(sampler, {0.5f, (x + 0.5f) / kGrid, (y + 0.5f) / kGrid});
-        row += sample.pdf > 0.0f ? 1.0 / sample.pdf : 0.0;
+        const float pdf = samples[size_t(y) * kGrid + x].pdf;
+        row += pdf > 0.0f ? 1.0 / pdf : 0.0;
         at(x + 1, y + 1) = at(x + 1, y) + row;
       }
     }
@@ -76,12 +91,13 @@ VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, const Mat3& worl
       trials_(kInner + kGuideRegions),
       squares_(kInner + kGuideRegions) {
   if (!counters_ || !ratios_) throw std::bad_alloc();
-  cut_square(sampler);
+  const std::vector<DirectionSample> samples = sample_grid(sampler);
+  cut_square(samples);
   std::fill(masses_.begin() + kInner, masses_.end(), 1.0);
   set_ratios(kGuideEvenSlot);
   view_.cuts = cuts_.data();
   view_.shares = shares_.data();
-  measure_open_gains(sampler, world_to_env);
+  measure_open_gains(samples, world_to_env);
   view_.ratios = ratios_.get();
   view_.used = used_.data();
   view_.counters = counters_.get();
@@ -90,8 +106,8 @@ VisibilityGuide::VisibilityGuide(const EnvSamplerView& sampler, const Mat3& worl
   view_.cell_size = cell_size;
 }
 
-void VisibilityGuide::cut_square(const EnvSamplerView& sampler) {
-  const WarpMeasure measure(sampler);
+void VisibilityGuide::cut_square(const std::vector<DirectionSample>& samples) {
+  const WarpMeasure measure(samples);
   std::vector<Part> parts = {{{0.0, 0.0}, {kGrid, kGrid}}};
   for (int node = 0; node < kInner; ++node) {
     const Part part = parts[node];
@@ -113,15 +129,14 @@ void VisibilityGuide::cut_square(const EnvSamplerView& sampler) {
 }
 
 /// The same promise as make_ratios finds, for surfaces that face along an axis and see everything.
-void VisibilityGuide::measure_open_gains(const EnvSamplerView& sampler, const Mat3& world_to_env) {
+void VisibilityGuide::measure_open_gains(const std::vector<DirectionSample>& samples,
+                                         const Mat3& world_to_env) {
   std::vector<double> squares(size_t(kGuideSides) * kGuideRegions, 0.0);
   std::vector<int> counts(kGuideRegions, 0);
   for (int y = 0; y < kGrid; ++y) {
     for (int x = 0; x < kGrid; ++x) {
-      const Vec2 point = {(x + 0.5f) / kGrid, (y + 0.5f) / kGrid};
-      const int region = guide_region(view_, point);
-      const Vec3 direction = transpose_mul(
-          world_to_env, sample_environment(sampler, {0.5f, point.x, point.y}).direction);
+      const int region = guide_region(view_, grid_point(x, y));
+      const Vec3 direction = transpose_mul(world_to_env, samples[size_t(y) * kGrid + x].direction);
       const float axes[kGuideSides] = {direction.x,  -direction.x, direction.y,
                                        -direction.y, direction.z,  -direction.z};
       ++counts[region];
@@ -143,18 +158,20 @@ void VisibilityGuide::measure_open_gains(const EnvSamplerView& sampler, const Ma
 }
 
 double VisibilityGuide::update() {
-  uint64_t trials = 0, guided = 0;
+  double trials = 0.0, left = 0.0;
   for (uint32_t slot = 0; slot < kGuideSlots; ++slot) {
     if (!touched_[slot]) continue;
-    used_[slot] = make_ratios(slot);
-    trials += trials_[0];
-    guided += used_[slot] ? trials_[0] : 0;
+    const double slot_left = make_ratios(slot);
+    used_[slot] = slot_left < 1.0;
+    if (trials_[0] < config_.least_trials) continue;
+    trials += double(trials_[0]);
+    left += slot_left * double(trials_[0]);
   }
-  return trials ? double(guided) / double(trials) : 0.0;
+  return trials > 0.0 ? left / trials : 0.0;
 }
 
-/// False where guiding is not worth it.
-bool VisibilityGuide::make_ratios(uint32_t slot) {
+/// What is left of the second moment; 1 where guiding is not worth it and nothing is made.
+double VisibilityGuide::make_ratios(uint32_t slot) {
   const GuideCounter* counters = counters_.get() + size_t(slot) * kGuideRegions;
   for (int region = 0; region < kGuideRegions; ++region) {
     trials_[kInner + region] = counters[region].trials;
@@ -164,7 +181,7 @@ bool VisibilityGuide::make_ratios(uint32_t slot) {
     trials_[node] = trials_[2 * node + 1] + trials_[2 * node + 2];
     squares_[node] = squares_[2 * node + 1] + squares_[2 * node + 2];
   }
-  if (trials_[0] < config_.least_trials || squares_[0] == 0) return false;
+  if (trials_[0] < config_.least_trials || squares_[0] == 0) return 1.0;
 
   // From the root down: a node's mean square leans on its parent's, the less the more trials it
   // had.
@@ -186,13 +203,16 @@ bool VisibilityGuide::make_ratios(uint32_t slot) {
     mean += masses_[kInner + region];
   }
   const double least_gain = config_.least_gain * open_gains_[slot % 8];
-  if (mean_square < least_gain * mean * mean) return false;
+  if (mean_square < least_gain * mean * mean) return 1.0;
+  double left = 0.0;
   for (int region = 0; region < kGuideRegions; ++region) {
+    const double area = areas_[region];
     double& mass = masses_[kInner + region];
-    mass = config_.defensive_share * areas_[region] + (1.0 - config_.defensive_share) * mass / mean;
+    mass = config_.defensive_share * area + (1.0 - config_.defensive_share) * mass / mean;
+    left += area * area * mean_squares_[kInner + region] / mass;
   }
   set_ratios(slot);
-  return true;
+  return left / mean_square;
 }
 
 /// From the masses of the regions.
