@@ -168,6 +168,12 @@ void ImageStatistics::load_patch(const TexelRect& rect, Quantity quantity, float
   // Whole vectors; the luminance has as much slack at the end of its rows.
   static_assert(LuminancePlane::kSlack >= 8 && kTile % 8 == 0);
   const int count = (rect.size(0) + 7) / 8 * 8;
+  // Hardly ever in a cache, and each row in a page of its own.
+  for (int y = rect.lo[1] - 1; y <= rect.hi[1]; ++y) {
+    const float* row = plane_->row(y) + rect.lo[0];
+    __builtin_prefetch(row);
+    __builtin_prefetch(row + count);
+  }
   for (int y = rect.lo[1]; y < rect.hi[1]; ++y) {
     moments_of_row(rect.lo[0], y, count, quantity, values + (y - rect.lo[1]) * kTile);
   }

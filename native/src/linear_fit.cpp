@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <climits>
 #include <cmath>
+#include <cstring>
 #include <vector>
 
 #include "src/clones.h"
@@ -15,7 +16,11 @@ constexpr double kPiDouble = 3.14159265358979323846;
 constexpr double kLargestTilt = 0.98;
 constexpr double kGauss = 0.5 - 0.28867513459481287;  // two points of Gauss and Legendre on [0, 1]
 
-double sum_of(const float (&lanes)[8]) {
+/// As the compiler makes nothing of loops over eight lanes with a condition inside.
+typedef float Lanes __attribute__((vector_size(8 * sizeof(float))));
+typedef int32_t LaneMask __attribute__((vector_size(8 * sizeof(int32_t))));
+
+double sum_of(const float* lanes) {
   const double low = ((double)lanes[0] + lanes[1]) + ((double)lanes[2] + lanes[3]);
   const double high = ((double)lanes[4] + lanes[5]) + ((double)lanes[6] + lanes[7]);
   return low + high;
@@ -25,24 +30,30 @@ double sum_of(const float (&lanes)[8]) {
 /// are read: the luminance has as much slack at the end of its rows.
 SKY_CLONES void sum_row(const float* __restrict centres, int count, double* mean, double* along) {
   static_assert(LuminancePlane::kSlack >= 8);
+  const LaneMask lane = {0, 1, 2, 3, 4, 5, 6, 7};
+  const Lanes first_column = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
   double sum = 0, moment = 0;
   constexpr int kRun = 512;  // before float sums become coarse
   for (int run = 0; run < count; run += kRun) {
     const int n = count - run < kRun ? count - run : kRun;
     const float* c = centres + run;
-    float sums[8] = {}, moments[8] = {};
+    Lanes sums = {}, moments = {};
     for (int x = 0; x < n; x += 8) {
-      for (int lane = 0; lane < 8; ++lane) {
-        const float a = c[x + lane], b = c[x + lane + 1];
-        const float mid = 0.5f * (a + b);
-        const float moment_of = mid * ((float)(x + lane) + 0.5f) + (b - a) * (1.0f / 12.0f);
-        sums[lane] += x + lane < n ? mid : 0.0f;
-        moments[lane] += x + lane < n ? moment_of : 0.0f;
-      }
+      Lanes a, b;
+      std::memcpy(&a, c + x, sizeof a);
+      std::memcpy(&b, c + x + 1, sizeof b);
+      const Lanes mid = 0.5f * (a + b);
+      const Lanes moment_of = mid * (first_column + (float)x) + (b - a) * (1.0f / 12.0f);
+      const LaneMask inside = lane < n - x;
+      sums += inside ? mid : Lanes{};
+      moments += inside ? moment_of : Lanes{};
     }
-    const double s = sum_of(sums);
+    float lanes[8];
+    std::memcpy(lanes, &sums, sizeof lanes);
+    const double s = sum_of(lanes);
     sum += s;
-    moment += sum_of(moments) + run * s;
+    std::memcpy(lanes, &moments, sizeof lanes);
+    moment += sum_of(lanes) + run * s;
   }
   *mean = sum;
   *along = moment;
