@@ -234,13 +234,13 @@ def make_sampler(image: np.ndarray | None, settings: SamplerSettings, statistics
         return core.UniformSampler()
     if settings.sampler == "INVERSION":
         return core.InversionSampler(image, threads=threads)
-    if settings.sampler == "ALIAS":
-        return core.AliasSampler(image, threads=threads)
     if settings.sampler == "HIERARCHY":
         return core.HierarchySampler(image, threads=threads)
     if settings.sampler == "FILTERED":
         return core.FilteredMap(image, settings.filter_samples)
     source = image if statistics is None else statistics
+    if settings.sampler == "ALIAS":
+        return core.AliasSampler(source, threads=threads)
     if settings.sampler == "MEDIAN_CUT":
         return core.KdTreeSampler(source, settings.block_count, "MEDIAN_CUT", "EXACT", threads=threads)
     return core.KdTreeSampler(

@@ -257,6 +257,11 @@ FloatArray reconstruct(const KdTree& sampler) {
 }
 
 std::shared_ptr<AliasSampler> make_alias(const py::object& image, int threads) {
+  if (py::isinstance<SharedMap>(image)) {
+    const auto shared = image.cast<std::shared_ptr<SharedMap>>();
+    py::gil_scoped_release release;
+    return std::make_shared<AliasSampler>(*shared, threads);
+  }
   const FloatArray array = require_image(image);
   py::gil_scoped_release release;
   return std::make_shared<AliasSampler>(image_view(array), threads);
@@ -336,7 +341,8 @@ Returns a RankFit. Raises ValueError for bad probabilities.)");
       "integrated).");
 
   py::class_<SharedMap, std::shared_ptr<SharedMap>>(m, "MapStatistics", R"(
-What kd-trees of one map have in common, for many of them one after the other: KdTreeSampler takes it in place of the image.
+What kd-trees of one map have in common, for many of them one after the other: KdTreeSampler takes it in place of the image,
+and so does AliasSampler, for the luminance.
 
 Luminance and sums over the map are kept, and each criterion's tree as far as it was grown: a smaller block count takes part
 of it, a larger one lets it grow on. Samplers are those of the image, to the bit. Safe to share between threads; builds of one
@@ -447,7 +453,7 @@ Raises ValueError for a bad image.)")
   py::class_<AliasSampler, EnvironmentSampler, std::shared_ptr<AliasSampler>>(m, "AliasSampler", R"(
 Alias table over texels (Walker 1977, Vose 1991), with the weights of InversionSampler.
 
-image: (H, W, 3) linear RGB. threads build, 0: all cores. Raises ValueError for a bad image.)")
+image: (H, W, 3) linear RGB, or a MapStatistics. threads build, 0: all cores. Raises ValueError for a bad image.)")
       .def(py::init(&make_alias), py::arg("image"), py::kw_only(), py::arg("threads") = 0)
       .def_property_readonly("build_seconds", &AliasSampler::build_seconds,
                              "Seconds that building the table took.");

@@ -7,6 +7,12 @@ namespace skytree {
 
 MapStatistics::MapStatistics(const LatLongImage& image) : image_(image) { check_image(image); }
 
+std::shared_ptr<const LuminancePlane> MapStatistics::luminance(ThreadTeam& team) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (!luminance_) luminance_ = read_luminance(image_, team, {});
+  return luminance_;
+}
+
 size_t MapStatistics::nbytes() const {
   std::lock_guard<std::mutex> lock(mutex_);
   size_t bytes = luminance_ ? luminance_->nbytes() : 0;

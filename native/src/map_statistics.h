@@ -11,7 +11,7 @@
 
 namespace skytree {
 
-/// What kd-trees of one map have in common: its luminance, sums over it and trees as far as they
+/// What samplers of one map have in common: its luminance, sums over it and trees as far as they
 /// have been grown, each made when first asked for. A sampler that is built with it is the same to
 /// the bit as one built from the image.
 ///
@@ -27,6 +27,7 @@ class MapStatistics {
   /// statistics, with a few MB of trees.
   size_t nbytes() const;
 
+  std::shared_ptr<const LuminancePlane> luminance(ThreadTeam& team);
   struct Tree {
     std::shared_ptr<const ImageStatistics> statistics;
     BuildTree tree;

@@ -148,6 +148,11 @@ TEST(MapStatistics, ThreadsDoNotChangeTexelTables) {
     EXPECT_EQ(std::memcmp(alias1.view().alias.entries, alias3.view().alias.entries,
                           texels * sizeof(AliasEntry)),
               0);
+    MapStatistics statistics(map.view());
+    const AliasSampler shared(statistics);
+    EXPECT_EQ(std::memcmp(alias1.view().alias.entries, shared.view().alias.entries,
+                          texels * sizeof(AliasEntry)),
+              0);
     const InversionSampler inversion1(map.view(), true, 1), inversion3(map.view(), true, kThreads);
     const InversionView a = inversion1.view().inversion, b = inversion3.view().inversion;
     EXPECT_EQ(std::memcmp(a.marginal, b.marginal, (map.height + 1) * sizeof(float)), 0);
@@ -159,8 +164,8 @@ TEST(MapStatistics, ThreadsDoNotChangeTexelTables) {
               0);
     const BadTexels bad = count_bad_texels(map.view());
     for (const EnvironmentSampler* sampler :
-         {(const EnvironmentSampler*)&alias3, (const EnvironmentSampler*)&inversion3,
-          (const EnvironmentSampler*)&hierarchy3}) {
+         {(const EnvironmentSampler*)&alias3, (const EnvironmentSampler*)&shared,
+          (const EnvironmentSampler*)&inversion3, (const EnvironmentSampler*)&hierarchy3}) {
       EXPECT_EQ(sampler->bad_texels().message(), bad.message());
     }
   }

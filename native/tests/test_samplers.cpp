@@ -276,6 +276,10 @@ TEST(Samplers, AliasTableDrawsEveryTexelAsItsPdfSays) {
     maps.back().map.set(7, sun, 1e5f);
   }
   maps.push_back({"detail", testing::make_outdoor_map(256, 128)});
+  for (float scale : {1e-37f, 1e33f}) {  // the sum of a map's weights should fit a float no more
+    maps.push_back({"scaled", testing::make_outdoor_map(256, 128)});
+    for (float& value : maps.back().map.texels) value *= scale;
+  }
   for (const NamedMap& map : maps) {
     SCOPED_TRACE(map.name);
     const LatLongImage image = map.map.view();

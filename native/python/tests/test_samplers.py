@@ -341,6 +341,12 @@ def test_shared_statistics_give_the_same_samplers():
             np.testing.assert_array_equal(shared.probabilities, alone.probabilities)
             np.testing.assert_array_equal(shared.tilts, alone.tilts)
             np.testing.assert_array_equal(shared.reconstruct(), alone.reconstruct())
+    u = np.random.default_rng(1).random((1000, 3))
+    for shared in (statistics, sky.MapStatistics(image)):
+        for one, other in zip(
+            sky.AliasSampler(image).sample(u), sky.AliasSampler(shared).sample(u), strict=True
+        ):
+            np.testing.assert_array_equal(one, other)
     assert statistics.nbytes > 4 * 100 * 200
     with pytest.raises(ValueError, match="image has shape"):
         sky.MapStatistics(image[..., :2])
