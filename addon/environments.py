@@ -76,6 +76,14 @@ class BuiltEnvironment:
     figures: Future | None = None
 
 
+class FutureEnvironment(Future):
+    """A BuiltEnvironment to come, and when it was first asked for (time.perf_counter)."""
+
+    def __init__(self):
+        super().__init__()
+        self.asked = time.perf_counter()
+
+
 class Environments:
     """A least-recently-used cache of maps and samplers, for any thread; `builds` counts samplers built.
     Where more samplers of a map are to be expected, what they have in common is kept with the map.
@@ -87,7 +95,7 @@ class Environments:
         self._maps: OrderedDict = OrderedDict()
         self._statistics: dict = {}  # skytree_core.MapStatistics of maps in _maps
         self._figures: OrderedDict = OrderedDict()
-        self._built: OrderedDict[tuple, Future] = OrderedDict()
+        self._built: OrderedDict[tuple, FutureEnvironment] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(
@@ -105,7 +113,7 @@ class Environments:
         *,
         threads: int = 0,
         more_to_come: bool = False,
-    ) -> Future:
+    ) -> FutureEnvironment:
         """A future BuiltEnvironment: what is not there yet is built on a thread of its own and `threads` in
         all, 0 for all cores. `more_to_come`: the next samplers of the map should be built sooner, which
         costs memory (docs/viewport.md)."""
@@ -136,7 +144,7 @@ class Environments:
         run,
         threads: int = 0,
         more_to_come: bool = False,
-    ) -> Future:
+    ) -> FutureEnvironment:
         if environment.expression is None:
             settings = SamplerSettings("UNIFORM")
         key = (environment.expression, settings)
@@ -144,7 +152,7 @@ class Environments:
             future = self._built.get(key)
             is_new = future is None
             if is_new:
-                future = self._built[key] = Future()
+                future = self._built[key] = FutureEnvironment()
             _touch(self._built, key, MAX_SAMPLERS)
         if is_new:
             messages = Messages()

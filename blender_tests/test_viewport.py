@@ -191,6 +191,33 @@ def test_sampler_is_built_on_a_thread(skytree, viewport, sampler):
     assert renderer.sync.built.settings.sampler == sampler
 
 
+def test_sampler_that_is_soon_there_is_taken_over_before_a_redraw(skytree, viewport, monkeypatch):
+    scene, renderer = viewport
+    module = part(skytree, "sync.scene")
+    waits, wait = [], module.wait
+
+    def until_done(futures, seconds):
+        waits.append(seconds)
+        return wait(futures)
+
+    monkeypatch.setattr(module, "wait", until_done)
+    with Updates(renderer) as updates:
+        scene.skytree.sampler = "INVERSION"
+        updates.now()
+    assert not renderer.sync.awaits_sampler
+    assert renderer.sync.built.settings.sampler == "INVERSION"
+    assert 0.0 <= waits[0] <= 0.02
+    finish(renderer)
+    # A second view that wants the same sampler does not wait once more.
+    awaited = part(skytree, "environments").FutureEnvironment()
+    awaited.asked -= 1.0
+    awaited.set_result(renderer.sync.built)
+    renderer.sync._awaited = renderer.sync.environment, awaited
+    renderer.sync.wait_since_asked(100.0)
+    renderer.sync.wait_since_asked(0.5)
+    assert 0.0 < waits[-2] <= 99.0 and waits[-1] == 0.0
+
+
 def test_block_count_follows_the_last_value(skytree, viewport):
     scene, renderer = viewport
     with Updates(renderer) as updates:

@@ -4,15 +4,16 @@ alike."""
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 
 import numpy as np
 
 from .. import native
 from ..devices import render_threads
-from ..environments import BuiltEnvironment, SamplerSettings, environments
+from ..environments import BuiltEnvironment, FutureEnvironment, SamplerSettings, environments
 from ..images import ImageStore, identity_of
 from ..messages import Messages
 from ..world import Environment, read_world
@@ -50,7 +51,7 @@ class SceneSync:
         self._applied: tuple | None = None
         self._environment_messages = Messages()
         self._wanted: tuple[Environment, SamplerSettings] | None = None
-        self._awaited: tuple[Environment, Future] | None = None
+        self._awaited: tuple[Environment, FutureEnvironment] | None = None
         self._threads = 0  # that build samplers; 0: all cores
         self.materials = MaterialSync(self._uploads, self.images, self.messages, self.counts)
         self.objects = ObjectSync(self._uploads, self.materials, self.messages, self.counts)
@@ -127,6 +128,11 @@ class SceneSync:
         """Gives the sampler that is awaited at most that long."""
         if self._awaited is not None:
             wait([self._awaited[1]], seconds)
+
+    def wait_since_asked(self, seconds: float):
+        """The same, counted from when the sampler was first asked for, whoever did."""
+        if self._awaited is not None:
+            self.wait_for_sampler(max(self._awaited[1].asked + seconds - time.perf_counter(), 0.0))
 
     def _apply(self, environment: Environment, built: BuiltEnvironment):
         self.messages.extend(built.messages)

@@ -33,6 +33,8 @@ LONGEST_WAIT_SECONDS = 0.02
 # A sampler gets so much; if it is ready then, both together get no more than the second. Drawing an old
 # picture takes the processor from the threads that build where OpenGL is software.
 SAMPLER_WAIT_SECONDS = 0.025
+# Before Blender redraws anything, a sampler that was just asked for gets so much.
+UPDATE_WAIT_SECONDS = 0.02
 BOTH_WAIT_SECONDS = 0.033
 COARSEST_DIVISOR = 8
 # Of one pixel sample, before anything has been measured.
@@ -153,6 +155,9 @@ class ViewportRenderer:
                 # Nobody looks at further samples of the old picture, and the new sampler needs the cores.
                 self._session.cancel()
                 self._stale = True
+                self.sync.wait_since_asked(UPDATE_WAIT_SECONDS)
+                if not self.sync.follow_environment():
+                    self._tell_status()
         if not self._waiting_for_sampler():
             self._restart_if_stale()
 
