@@ -22,7 +22,7 @@ BUILT_IN = {
             "compensation": 0.5,
             "split_criterion": "MIN_VARIANCE",
             "block_probability": "MIN_VARIANCE",
-            "light_rays": 2,
+            "light_rays": 0,
             "control_variate": True,
             "product_sampling": True,
             "learn_visibility": True,

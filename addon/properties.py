@@ -176,10 +176,11 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
     light_rays: IntProperty(
         update=_changed,
         name="Light Rays",
-        default=2,
-        min=1,
+        default=0,
+        min=0,
         max=4,
-        description="Rays to the world from the first surface that a path meets; mirrors take one",
+        description="Rays to the world from the first surface that a path meets; mirrors take one. 0: as "
+        "many as pay, four where light does not bounce and two where it does",
     )
     control_variate: BoolProperty(
         update=_changed,

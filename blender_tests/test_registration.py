@@ -23,7 +23,7 @@ FIXED_SETTINGS = {
     "compensation": 0.5,
     "pixel_filter": "BLACKMAN_HARRIS",
     "filter_width": 1.5,
-    "light_rays": 2,
+    "light_rays": 0,
     "control_variate": True,
     "product_sampling": True,
     "learn_visibility": True,

@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import native, status
 from ..devices import render_device, render_threads
-from ..environments import candidates_of
+from ..environments import candidates_of, light_rays_of
 from ..sync.scene import SceneSync
 from . import gpu_draw
 from .view import View, visibility_of
@@ -73,7 +73,7 @@ class RenderSettings:
             render_threads(render),
             render_device(settings),
             candidates_of(settings),
-            settings.light_rays,
+            light_rays_of(settings),
             settings.control_variate,
             settings.product_sampling,
         )

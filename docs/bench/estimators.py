@@ -5,6 +5,8 @@ two scenes, without Blender:
 
     build/venv/bin/python docs/bench/estimators.py HDRI [--samples 4 16 64] [--scenes spheres room]
 
+With --light-rays the steps are best mode with one to four of them instead.
+
 Needs skytree_core (`./build_addon.py package` installs it into build/venv).
 """
 
@@ -17,36 +19,38 @@ import numpy as np
 import skytree_core as core
 
 BLOCKS = {"split_criterion": "MIN_VARIANCE", "block_probability": "MIN_VARIANCE"}
+BEST_BLOCKS = {**BLOCKS, "compensation": 0.5}
+
+
+def adding(options: dict, steps: dict) -> list[tuple[str, dict, dict]]:
+    """Steps of best mode's blocks, each with the options of those before it."""
+    added = []
+    for name, more in steps.items():
+        options = options | more
+        added.append((name, BEST_BLOCKS, options))
+    return added
+
+
 # Name, sampler, arguments of RenderSession.start.
 STEPS = [
     ("paper: SSE blocks, fitted alpha", {}, {}),
     ("constant blocks", {**BLOCKS, "block_density": "CONSTANT"}, {}),
     ("linear blocks", BLOCKS, {}),
-    ("+ compensation", {**BLOCKS, "compensation": 1.0}, {}),
-    ("+ control variate", {**BLOCKS, "compensation": 1.0}, {"control_variate": True}),
-    ("+ two light rays", {**BLOCKS, "compensation": 1.0}, {"control_variate": True, "light_rays": 2}),
-    (
-        "+ product sampling",
-        {**BLOCKS, "compensation": 1.0},
-        {"control_variate": True, "light_rays": 2, "product_sampling": True},
-    ),
-    (
-        "+ learnt visibility",
-        {**BLOCKS, "compensation": 1.0},
-        {"control_variate": True, "light_rays": 2, "product_sampling": True, "learn_visibility": True},
-    ),
-    (
-        "+ adaptive sampling",
-        {**BLOCKS, "compensation": 1.0},
+    *adding(
+        {},
         {
-            "control_variate": True,
-            "light_rays": 2,
-            "product_sampling": True,
-            "learn_visibility": True,
-            "adaptive_sampling": True,
+            "+ compensation": {},
+            "+ control variate": {"control_variate": True},
+            "+ four light rays": {"light_rays": 4},
+            "+ product sampling": {"product_sampling": True},
+            "+ learnt visibility": {"learn_visibility": True},
+            "+ adaptive sampling": {"adaptive_sampling": True},
         },
     ),
 ]
+BEST = STEPS[-1]
+# How many light rays pay.
+LIGHT_RAYS = [(f"best, {n} light rays", BEST_BLOCKS, BEST[2] | {"light_rays": n}) for n in (1, 2, 3, 4)]
 
 
 def sphere(columns: int = 64, rows: int = 32) -> tuple[np.ndarray, np.ndarray]:
@@ -131,24 +135,24 @@ def error(pixels: np.ndarray, reference: np.ndarray) -> float:
     return math.sqrt(squares[: int(0.999 * squares.size)].mean()) / reference.mean()
 
 
-def measure(name: str, image: np.ndarray, size, counts, seeds: int, reference_samples: int) -> None:
+def measure(name: str, steps, image: np.ndarray, size, counts, seeds: int, reference_samples: int) -> None:
     scene = core.Scene()
     SCENES[name](scene)
-    scene.set_environment(image, core.KdTreeSampler(image, **STEPS[-1][1]))
+    scene.set_environment(image, core.KdTreeSampler(image, **BEST[1]))
     session = core.RenderSession(1)
-    reference, _ = render(session, scene, size, reference_samples, seed=991, **STEPS[-1][2])
-    samplers = [core.KdTreeSampler(image, **arguments) for _, arguments, _ in STEPS]
+    reference, _ = render(session, scene, size, reference_samples, seed=991, **BEST[2])
+    samplers = [core.KdTreeSampler(image, **arguments) for _, arguments, _ in steps]
     print(f"\n{name}: nRMSE at {', '.join(map(str, counts))} samples; us per pixel sample; efficiency")
-    squares = np.zeros((len(STEPS), len(counts)))
-    times = np.full((len(STEPS), len(counts)), np.inf)
+    squares = np.zeros((len(steps), len(counts)))
+    times = np.full((len(steps), len(counts)), np.inf)
     for seed in range(seeds):  # interleaved, so that a busy machine is busy for all
-        for i, (_, _, options) in enumerate(STEPS):
+        for i, (_, _, options) in enumerate(steps):
             for k, count in enumerate(counts):
                 pixels, time = render(session, scene, size, count, seed=seed, sampler=samplers[i], **options)
                 squares[i, k] += error(pixels, reference) ** 2 / seeds
                 times[i, k] = min(times[i, k], time)
     efficiency = 1 / (squares * times)
-    for i, (label, _, _) in enumerate(STEPS):
+    for i, (label, _, _) in enumerate(steps):
         errors = " ".join(f"{math.sqrt(e):.4f}" for e in squares[i])
         gains = " ".join(f"{g:.2f}" for g in efficiency[i] / efficiency[0])
         print(f"{label:34} {errors}   {times[i, -1]:.3f}   {gains}", flush=True)
@@ -161,11 +165,14 @@ def main() -> None:
     parser.add_argument("--size", type=int, nargs=2, default=[80, 60])
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES))
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument(
+        "--light-rays", action="store_true", help="one to four light rays instead of the steps"
+    )
     parser.add_argument("--reference", type=int, default=4096, help="samples of the reference")
     a = parser.parse_args()
     image = core.read_image(a.hdri)
     for name in a.scenes:
-        measure(name, image, a.size, a.samples, a.seeds, a.reference)
+        measure(name, LIGHT_RAYS if a.light_rays else STEPS, image, a.size, a.samples, a.seeds, a.reference)
 
 
 if __name__ == "__main__":
