@@ -93,6 +93,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             region=film.region,
             film_transparent=scene.render.film_transparent,
             blue_noise=settings.blue_noise,
+            point_set=settings.point_set,
             candidates=candidates_of(settings),
             light_rays=light_rays_of(settings),
             control_variate=settings.control_variate,

@@ -80,6 +80,9 @@ class SKYTREE_RENDER_PT_sampling(_RenderPanel, bpy.types.Panel):
         column.prop(settings, "adaptive_sampling")
         column.prop(settings, "seed")
         column.prop(settings, "blue_noise")
+        points = column.column()
+        points.active = not (settings.adaptive_sampling or settings.blue_noise)
+        points.prop(settings, "point_set")
 
 
 class SKYTREE_RENDER_PT_light_paths(_RenderPanel, bpy.types.Panel):

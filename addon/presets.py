@@ -27,6 +27,7 @@ BUILT_IN = {
             "product_sampling": True,
             "learn_visibility": True,
             "adaptive_sampling": True,
+            "point_set": "SOBOL",
             "pixel_filter": "BLACKMAN_HARRIS",
             "filter_width": 1.5,
         },
@@ -46,6 +47,7 @@ BUILT_IN = {
             "product_sampling": False,
             "learn_visibility": False,
             "adaptive_sampling": False,
+            "point_set": "SOBOL",
         },
     ),
     "INVERSION": (
@@ -58,6 +60,7 @@ BUILT_IN = {
             "product_sampling": False,
             "learn_visibility": False,
             "adaptive_sampling": False,
+            "point_set": "SOBOL",
         },
     ),
 }
@@ -112,6 +115,7 @@ class SKYTREE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "product_sampling",
             "learn_visibility",
             "adaptive_sampling",
+            "point_set",
             "pixel_filter",
             "filter_width",
         )

@@ -54,6 +54,20 @@ PIXEL_FILTERS = (
     ("GAUSSIAN", "Gaussian", "Gaussian"),
     ("BLACKMAN_HARRIS", "Blackman-Harris", "Close to a Gaussian, sharper; the same as Cycles' default"),
 )
+POINT_SETS = (
+    (
+        "SOBOL",
+        "Sobol",
+        "Owen-scrambled Sobol points: well spread after any number of samples. Viewports, Adaptive and "
+        "Blue Noise always take these",
+    ),
+    (
+        "CMJ",
+        "Multi-Jittered",
+        "Correlated multi-jittered points (Kensler 2013), made for the number of Render Samples: only for "
+        "final renders without Adaptive and Blue Noise, where every pixel takes just that number",
+    ),
+)
 DEVICES = (
     ("CPU", "CPU", "Render on all threads that Blender may use"),
     ("CUDA", "CUDA", "Render on an NVIDIA GPU; where there is none the CPU renders and a message says so"),
@@ -105,6 +119,12 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         default=False,
         description="Make the errors of neighbouring pixels differ in final renders too, as they do in the "
         "viewport: noise looks finer at few samples",
+    )
+    point_set: EnumProperty(
+        name="Points",
+        items=POINT_SETS,
+        default="SOBOL",
+        description="Which random numbers the samples of a pixel take in final renders",
     )
     device: EnumProperty(name="Device", items=DEVICES, default="CPU", description="What renders")
     sampler: EnumProperty(

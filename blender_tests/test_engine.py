@@ -45,6 +45,16 @@ def test_more_samples_less_noise(lit):
     assert noise(64) < 0.6 * noise(8)
 
 
+def test_multi_jittered_points_where_every_pixel_takes_as_many_samples(lit):
+    settings = lit.skytree
+    for settings.adaptive_sampling in (True, False):
+        pictures = []
+        for settings.point_set in ("SOBOL", "CMJ"):
+            pictures.append(scenes.render_skytree(lit, 8))
+        assert (np.abs(pictures[0] - pictures[1]).mean() < 1e-4) == settings.adaptive_sampling
+    assert pictures[0][..., :3].mean() == pytest.approx(pictures[1][..., :3].mean(), rel=0.02)
+
+
 def test_film_transparent(lit):
     opaque = scenes.render_skytree(lit, 4)
     assert (opaque[..., 3] == 1.0).all()

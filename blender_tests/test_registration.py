@@ -28,6 +28,7 @@ FIXED_SETTINGS = {
     "product_sampling": True,
     "learn_visibility": True,
     "adaptive_sampling": True,
+    "point_set": "SOBOL",
 }
 
 
@@ -45,6 +46,7 @@ def test_settings_exist_with_their_defaults(skytree):
         ("split_criterion", ["RANGE", "VARIANCE", "SSE", "MIN_VARIANCE"]),
         ("block_probability", ["FITTED", "EXACT", "MIN_VARIANCE"]),
         ("pixel_filter", ["BOX", "GAUSSIAN", "BLACKMAN_HARRIS"]),
+        ("point_set", ["SOBOL", "CMJ"]),
     ],
 )
 def test_choices(scene, name, values):

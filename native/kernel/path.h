@@ -32,7 +32,8 @@ SKY_HD bool trace_connection(const SceneView& scene, const TracerView& tracer,
 SKY_HD void begin_path(const SceneView& scene, const RenderSettings& settings, int x, int y,
                        uint32_t sample, PathState* path) {
   const uint32_t seed = pixel_seed(settings.seed, x, y, settings.blue_noise);
-  const Ray ray = sample_camera_ray(scene, settings, x, y, random_pair(seed, sample, kPairFilter));
+  const Ray ray = sample_camera_ray(scene, settings, x, y,
+                                    sample_pair(settings.point_count, seed, sample, kPairFilter));
   start_path(ray, seed, sample, control_of_pixel(settings, x, y), path);
 }
 

@@ -23,6 +23,7 @@ SKY_HD RenderSettings pilot_settings(const RenderSettings& settings, float contr
   RenderSettings pilot = settings;
   pilot.seed = hash_u32(settings.seed + 0x70696c6fu);
   pilot.max_bounces = 0;
+  pilot.point_count = 0;
   pilot.film_transparent = true;
   pilot.controls.factors = nullptr;
   pilot.control = control;

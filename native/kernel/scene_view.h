@@ -54,6 +54,7 @@ struct RenderSettings {
   const float* filter_table;   // kFilterTableSize
   bool light_sampling = true;  // off: BSDF samples alone, without MIS
   bool blue_noise = false;     // neighbouring pixels' errors differ (kernel/rng.h)
+  uint32_t point_count = 0;    // samples of every pixel, for multi_jittered.h; 0: Sobol's points
   // Above 0: a light sample is chosen from so many candidates (resampling.h), some of them BSDF
   // samples or not; bsdf_sampling must be off.
   int candidates = 0;

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "kernel/estimators.h"
+#include "kernel/multi_jittered.h"
 #include "kernel/product_lobes.h"
 #include "kernel/resampling.h"
 
@@ -135,11 +136,11 @@ struct VertexRandom {
   Vec2 light, bsdf, choice;
 };
 
-SKY_HD VertexRandom vertex_random(const PathState& path, int vertex) {
+SKY_HD VertexRandom vertex_random(uint32_t point_count, const PathState& path, int vertex) {
   const uint32_t first = first_pair(vertex);
-  return {random_pair(path.seed, path.sample, first + kPairLight),
-          random_pair(path.seed, path.sample, first + kPairBsdf),
-          random_pair(path.seed, path.sample, first + kPairChoice)};
+  return {sample_pair(point_count, path.seed, path.sample, first + kPairLight),
+          sample_pair(point_count, path.seed, path.sample, first + kPairBsdf),
+          sample_pair(point_count, path.seed, path.sample, first + kPairChoice)};
 }
 
 /// The camera ray of a sample of pixel (x,y), `filter_u` its random pair kPairFilter.
@@ -204,7 +205,7 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
                          PathState* path, Connection* connections) {
   const EnvironmentView& environment = scene.environment;
   if (settings.candidates > 0) {
-    const VertexRandom random = vertex_random(*path, vertex);
+    const VertexRandom random = vertex_random(settings.point_count, *path, vertex);
     ResampledLight light = {};
     if (!resample_light(
             environment, surface, shading, -path->ray.direction, settings.candidates,
@@ -223,8 +224,9 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
   }
   int count = 0;
   for (int i = 0; i < light_rays; ++i) {
-    const Vec2 u = random_pair(path->seed, light_index(path->sample, light_rays, i),
-                               first_pair(vertex) + kPairLight);
+    const Vec2 u =
+        sample_pair(settings.point_count * static_cast<uint32_t>(light_rays), path->seed,
+                    light_index(path->sample, light_rays, i), first_pair(vertex) + kPairLight);
     const GuidedSample guided = sample_guided(environment.sampler, scene.guide, slot, mix,
                                               {light_choice(choice, light_rays, i), u.x, u.y});
     const DirectionSample light = guided.light;
@@ -291,7 +293,8 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   const int light_rays =
       last || shading.count == 0 ? 0 : light_ray_count(settings, path->bounce, shading);
   const float control = light_rays > 0 && path->bounce == 0 ? path->control : 0.0f;
-  const Vec2 choices = random_pair(path->seed, path->sample, first_pair(vertex) + kPairChoice);
+  const Vec2 choices =
+      sample_pair(settings.point_count, path->seed, path->sample, first_pair(vertex) + kPairChoice);
   const uint32_t slot = light_rays > 0 ? vertex_guide_slot(scene, surface) : kNoGuideSlot;
   ProductMix mix = {};
   if (light_rays > 0) {
@@ -325,7 +328,8 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   if (shading.count == 0 || last) return false;
 
   const Vec3 direction = sample_bsdf(
-      shading, view, choice, random_pair(path->seed, path->sample, first_pair(vertex) + kPairBsdf));
+      shading, view, choice,
+      sample_pair(settings.point_count, path->seed, path->sample, first_pair(vertex) + kPairBsdf));
   const BsdfValue bsdf = eval_bsdf(shading, surface, view, direction);
   if (!(bsdf.pdf > 0.0f)) return false;
   Vec3 sky = {0, 0, 0};

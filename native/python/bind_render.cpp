@@ -272,7 +272,8 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
            const std::optional<std::array<int, 4>>& region, bool film_transparent, int first_sample,
            bool bsdf_sampling, bool light_sampling, int light_rays, bool control_variate,
            bool learn_visibility, bool product_sampling, bool adaptive_sampling, bool blue_noise,
-           std::shared_ptr<const EnvironmentSampler> sampler, int candidates) {
+           const std::string& point_set, std::shared_ptr<const EnvironmentSampler> sampler,
+           int candidates) {
   RenderOptions options;
   options.width = width;
   options.height = height;
@@ -299,6 +300,8 @@ void start(RenderSession& session, std::shared_ptr<Scene> scene, int width, int 
   options.bsdf_sampling = bsdf_sampling;
   options.light_sampling = light_sampling;
   options.blue_noise = blue_noise;
+  options.multi_jittered =
+      parse_name<bool>(point_set, "point_set", {{"SOBOL", false}, {"CMJ", true}});
   options.candidates = candidates;
   options.light_rays = light_rays;
   options.control_variate = control_variate;
@@ -521,7 +524,7 @@ A pixel's value depends on its position, the sample index and the seed only.)")
            "first_sample"_a = 0, "bsdf_sampling"_a = true, "light_sampling"_a = true,
            "light_rays"_a = 1, "control_variate"_a = false, "learn_visibility"_a = false,
            "product_sampling"_a = false, "adaptive_sampling"_a = false, "blue_noise"_a = false,
-           "sampler"_a = py::none(), "candidates"_a = 0, R"(
+           "point_set"_a = "SOBOL", "sampler"_a = py::none(), "candidates"_a = 0, R"(
 Starts rendering and returns at once. RuntimeError while running, ValueError for values out of range.
 
 max_bounces 0 shows the environment as the first surface sees it. pixel_filter: BOX (one pixel), GAUSSIAN or
@@ -535,7 +538,9 @@ warp); pixels then depend on the whole region that is rendered. product_sampling
 directed to what their lobes reflect (kd-trees of linear blocks). adaptive_sampling: samples is the mean of all pixels;
 after the first of them the rest is shared out by the noise of each pixel's neighbours, which keeps pixels unbiased (CPU,
 from 3 samples on; pixels then depend on the region). blue_noise makes the errors of neighbouring pixels differ, which
-looks finer at few samples. sampler takes the place of the scene's own, so
+looks finer at few samples. point_set: SOBOL, good for any number of samples, or CMJ, points made for just `samples` of
+them, where that is what every pixel takes: without adaptive_sampling, blue_noise and first_sample, else it is SOBOL.
+sampler takes the place of the scene's own, so
 that two sessions compare samplers on one scene. candidates above 0 (for comparison and teaching): each light sample is
 chosen by BSDF times radiance from so many (Burke et al. 2005, unbiased), half of them BSDF samples if bsdf_sampling is on;
 the BSDF's own ray then brings no light from the environment. light_rays,

@@ -77,6 +77,9 @@ RenderSettings make_render_settings(const RenderOptions& o, const float* filter_
   settings.light_sampling = o.light_sampling;
   settings.light_rays = o.light_rays;
   settings.blue_noise = o.blue_noise;
+  const bool known = !o.adaptive_sampling && !o.blue_noise && o.first_sample == 0 &&
+                     int64_t(o.samples) * o.light_rays <= int64_t(kLargestJitteredSet);
+  settings.point_count = o.multi_jittered && known ? uint32_t(o.samples) : 0;
   settings.candidates = o.candidates;
   settings.bsdf_candidates = o.bsdf_sampling;
   return settings;

@@ -42,6 +42,10 @@ struct RenderOptions {
   /// noise from the same part of the whole.
   bool adaptive_sampling = false;
   bool blue_noise = false;  // neighbouring pixels' errors differ (kernel/rng.h)
+  /// Multi-jittered points (kernel/multi_jittered.h) where a pixel's samples are known beforehand:
+  /// without adaptive_sampling, blue_noise and first_sample, and up to kLargestJitteredSet light
+  /// samples. Elsewhere this does nothing.
+  bool multi_jittered = false;
   /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if
   /// bsdf_sampling is on (kernel/resampling.h). The BSDF's own ray then brings no environment.
   int candidates = 0;

@@ -50,24 +50,6 @@ struct Batch {
   LaneWork work;
 };
 
-/// All seeds are of one kind.
-SKY_LANE_LOOP void draw_pairs(const uint32_t* seeds, const uint32_t* samples, int count,
-                              uint32_t pair, float* __restrict x, float* __restrict y) {
-  if (count > 0 && has_blue_noise(seeds[0])) {
-    for (int i = 0; i < count; ++i) {
-      const Vec2 u = blue_noise_pair(seeds[i], samples[i], pair);
-      x[i] = u.x;
-      y[i] = u.y;
-    }
-    return;
-  }
-  for (int i = 0; i < count; ++i) {
-    const Vec2 u = hashed_pair(seeds[i], samples[i], pair);
-    x[i] = u.x;
-    y[i] = u.y;
-  }
-}
-
 /// Shades vertex number `vertex` at one hit, whose surface is known but for its uv: gives it a
 /// place among the lanes, or shades it at once. Returns whether the path goes on from here already.
 static bool shade_hit(const IntegratorJob& job, int vertex, int index, const Hit& hit,
@@ -203,7 +185,8 @@ static void start_paths(const IntegratorJob& job, const TileWork& work, Batch* b
     batch->samples[i] = work.paths[i].sample;
     batch->active[i] = i;
   }
-  draw_pairs(batch->seeds, batch->samples, count, kPairFilter, batch->random[0], batch->random[1]);
+  draw_pairs(job.settings.point_count, batch->seeds, batch->samples, count, kPairFilter,
+             batch->random[0], batch->random[1]);
   CameraRays& rays = batch->camera_rays;
   draw_camera_rays(job.scene, job.settings, batch->film_x, batch->film_y, batch->random, count,
                    &rays);

@@ -9,6 +9,7 @@
 
 #include "src/tile_guide.h"
 #include "src/tile_packets.h"
+#include "src/tile_points.h"
 #include "src/tile_products.h"
 #include "src/tile_sampling.h"
 #include "src/tile_texels.h"
@@ -161,26 +162,6 @@ SKY_LANE_LOOP void evaluate(const Lanes& lanes, LaneDirections* directions) {
   }
 }
 
-/// Draws pair `pair` of the points `index` of the lanes' sequences.
-SKY_LANE_LOOP void draw_lanes(const Lanes& lanes, const uint32_t* index, uint32_t pair, float* x,
-                              float* y) {
-  // All seeds are of one kind.
-  if (lanes.count > 0 && has_blue_noise(lanes.seed[0])) {
-    for (int i = 0; i < lanes.count; ++i) {
-      const Vec2 u = blue_noise_pair(lanes.seed[i], index[i], pair);
-      x[i] = u.x;
-      y[i] = u.y;
-    }
-    return;
-  }
-  SKY_VECTOR_LOOP
-  for (int i = 0; i < lanes.count; ++i) {
-    const Vec2 u = hashed_pair(lanes.seed[i], index[i], pair);
-    x[i] = u.x;
-    y[i] = u.y;
-  }
-}
-
 /// Radiance in the lights' directions; 1 where it is looked up later.
 static void look_up_lanes(const EnvironmentView& environment, const Lanes& lanes,
                           LaneDirections* directions, TexelLookups* lookups) {
@@ -296,9 +277,12 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   LaneDirections& directions = work->directions;
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
-    work->index[i] = light_index(lanes.sample[i], lanes.light_rays[i], k);
+    // A lane without this sample takes any.
+    const uint32_t index = light_index(lanes.sample[i], lanes.light_rays[i], k);
+    work->index[i] = k < lanes.light_rays[i] ? index : 0;
   }
-  draw_lanes(lanes, work->index, first_pair(vertex) + kPairLight, work->random_x, work->random_y);
+  draw_light_points(settings, lanes.light_rays, lanes.seed, work->index, lanes.count,
+                    first_pair(vertex) + kPairLight, work->random_x, work->random_y);
   for (int i = 0; i < lanes.count; ++i) {
     work->light_choice[i] = light_choice(work->choice_x[i], lanes.light_rays[i], k);
     work->guide_factor[i] = 1.0f;
@@ -436,7 +420,8 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
   LaneDirections& directions = work->directions;
   const int count = lanes.count;
   if (count == 0) return active_count;
-  draw_lanes(lanes, lanes.sample, first_pair(vertex) + kPairChoice, work->choice_x, work->choice_y);
+  draw_pairs(settings.point_count, lanes.seed, lanes.sample, count,
+             first_pair(vertex) + kPairChoice, work->choice_x, work->choice_y);
   begin_control(environment, lanes, work);
   int most = 0;
   for (int i = 0; i < count; ++i) most = lanes.light_rays[i] > most ? lanes.light_rays[i] : most;
@@ -445,7 +430,8 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
   }
   if (scene.guide.probing && vertex == 0) send_probes(scene, lanes, work, connections);
 
-  draw_lanes(lanes, lanes.sample, first_pair(vertex) + kPairBsdf, work->random_x, work->random_y);
+  draw_pairs(settings.point_count, lanes.seed, lanes.sample, count, first_pair(vertex) + kPairBsdf,
+             work->random_x, work->random_y);
   sample_bsdf_lanes<kGlossy>(lanes, work);
   evaluate<kGlossy>(lanes, &directions);
   if (settings.bsdf_sampling) {

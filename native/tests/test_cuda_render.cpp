@@ -102,7 +102,7 @@ TEST_F(CudaTest, ImagesAreTheHostKernelsToTheLastBit) {
 TEST_F(CudaTest, OptionsReachTheDevice) {
   const EnvironmentInput sky = make_sky(64, 32, nullptr);
   const std::shared_ptr<Scene> scene = material_scene(sky);
-  std::vector<RenderOptions> variants(9, small_options());
+  std::vector<RenderOptions> variants(11, small_options());
   variants[0].film_transparent = true;
   variants[1].bsdf_sampling = false;
   variants[2].light_sampling = false;
@@ -116,6 +116,10 @@ TEST_F(CudaTest, OptionsReachTheDevice) {
   variants[7].control_variate = true;
   variants[8].product_sampling = true;
   variants[8].sampler = make_samplers(sky)[1].second;  // linear blocks
+  variants[9].multi_jittered = true;
+  variants[10].multi_jittered = true;
+  variants[10].samples = 6;
+  variants[10].light_rays = 2;
   for (const RenderOptions& options : variants) {
     EXPECT_EQ(different_pixels(render_on_gpu(scene, options).pixels,
                                render_on_host(scene.get(), options)),

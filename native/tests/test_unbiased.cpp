@@ -87,6 +87,13 @@ const Mode kModes[] = {{"plain", [](RenderOptions*) {}},
                        {"product sampling", [](RenderOptions* o) { o->product_sampling = true; }},
                        {"adaptive sampling", [](RenderOptions* o) { o->adaptive_sampling = true; }},
                        {"blue noise", [](RenderOptions* o) { o->blue_noise = true; }},
+                       {"multi-jittered", [](RenderOptions* o) { o->multi_jittered = true; }},
+                       {"multi-jittered, no power of two, three light rays",
+                        [](RenderOptions* o) {
+                          o->multi_jittered = true;
+                          o->samples = 1000;
+                          o->light_rays = 3;
+                        }},
                        {"all of the add-on's", [](RenderOptions* o) {
                           o->light_rays = 2;
                           o->control_variate = o->product_sampling = o->learn_visibility = true;

@@ -308,7 +308,9 @@ class RenderSession:
         control_variate: bool = False,
         learn_visibility: bool = False,
         product_sampling: bool = False,
+        adaptive_sampling: bool = False,
         blue_noise: bool = False,
+        point_set: Literal["SOBOL", "CMJ"] = "SOBOL",
         sampler: EnvironmentSampler | None = None,
         candidates: int = 0,
     ) -> None: ...
