@@ -93,6 +93,14 @@ def test_time_is_without_start_up_and_efficiency_is_its_inverse_by_error_squared
         assert result.over_best_peer("Skytree, best", samples) == pytest.approx(4)
 
 
+def test_an_error_below_the_reference_counts_as_falling_like_1_over_n():
+    result = made_up()
+    for figures_of in result.methods["Skytree, best"]["figures"][64]:
+        figures_of["nrmse_tc"] = 0.0
+    assert result.error("Skytree, best", 64) == pytest.approx(16**-0.5 / 4)
+    assert result.over_best_peer("Skytree, best", 64) == pytest.approx(4)
+
+
 def test_error_at_equal_time_lies_on_the_line_of_the_logarithms():
     result = made_up(faster=4)
     error, inside = result.error_at_time("Skytree, best", result.common_time())
