@@ -206,7 +206,7 @@ def test_sampler_that_is_soon_there_is_taken_over_before_a_redraw(skytree, viewp
         updates.now()
     assert not renderer.sync.awaits_sampler
     assert renderer.sync.built.settings.sampler == "INVERSION"
-    assert 0.0 <= waits[0] <= 0.02
+    assert all(0.0 <= seconds <= 0.02 for seconds in waits)  # none where it was there at once
     finish(renderer)
     # A second view that wants the same sampler does not wait once more.
     awaited = part(skytree, "environments").FutureEnvironment()
