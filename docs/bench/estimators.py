@@ -50,7 +50,7 @@ STEPS = [
 ]
 BEST = STEPS[-1]
 # How many light rays pay.
-LIGHT_RAYS = [(f"best, {n} light rays", BEST_BLOCKS, BEST[2] | {"light_rays": n}) for n in (1, 2, 3, 4)]
+LIGHT_RAYS = [(f"best, light rays: {n}", BEST_BLOCKS, BEST[2] | {"light_rays": n}) for n in (1, 2, 3, 4)]
 
 
 def sphere(columns: int = 64, rows: int = 32) -> tuple[np.ndarray, np.ndarray]:
@@ -120,8 +120,8 @@ SCENES = {"spheres": spheres, "room": room}
 
 
 def render(session, scene, size, samples, **options) -> tuple[np.ndarray, float]:
-    """The picture, and microseconds of processor time per pixel sample."""
-    session.start(scene, *size, samples, max_bounces=0, pixel_filter="BOX", **options)
+    """The picture, by default of direct light, and microseconds of processor time per pixel sample."""
+    session.start(scene, *size, samples, **{"max_bounces": 0, "pixel_filter": "BOX"} | options)
     session.wait(1e6)
     if session.error:
         raise RuntimeError(session.error)

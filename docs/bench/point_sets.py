@@ -14,31 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import skytree_core as core
-from estimators import BLOCKS, SCENES, error
+from estimators import BEST_BLOCKS, SCENES, error, render
 
-SAMPLER = {**BLOCKS, "compensation": 0.5}
-OPTIONS = {"control_variate": True, "product_sampling": True, "learn_visibility": True, "pixel_filter": "BOX"}
-
-
-def render(session, scene, size, samples, **options) -> tuple[np.ndarray, float]:
-    """The picture, and microseconds of processor time per pixel sample."""
-    session.start(scene, *size, samples, **OPTIONS, **options)
-    session.wait(1e6)
-    if session.error:
-        raise RuntimeError(session.error)
-    pixels = np.array(session.pixels()[..., :3], np.float64)
-    return pixels, 1e6 * session.stats["cpu_seconds"] / (size[0] * size[1] * samples)
+OPTIONS = {"control_variate": True, "product_sampling": True, "learn_visibility": True}
 
 
 def measure(name: str, title: str, image: np.ndarray, arguments: argparse.Namespace) -> None:
     scene = core.Scene()
     SCENES[name](scene)
-    scene.set_environment(image, core.KdTreeSampler(image, **SAMPLER))
+    scene.set_environment(image, core.KdTreeSampler(image, **BEST_BLOCKS))
     session = core.RenderSession(1)
-    size, bounces = arguments.size, arguments.bounces
-    reference, _ = render(
-        session, scene, size, arguments.reference, seed=991, light_rays=2, max_bounces=bounces
-    )
+    size, options = arguments.size, OPTIONS | {"max_bounces": arguments.bounces}
+    reference, _ = render(session, scene, size, arguments.reference, seed=991, light_rays=2, **options)
     for light_rays in (1, 2):
         ratios, times = [], []
         for count in arguments.samples:
@@ -52,8 +39,8 @@ def measure(name: str, title: str, image: np.ndarray, arguments: argparse.Namesp
                         count,
                         seed=seed,
                         light_rays=light_rays,
-                        max_bounces=bounces,
                         point_set=points,
+                        **options,
                     )
                     squares.setdefault(points, []).append(error(pixels, reference) ** 2)
                     least[points] = min(time, least.get(points, time))
