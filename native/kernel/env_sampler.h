@@ -86,13 +86,15 @@ SKY_HD DirectionSample sample_inversion(const InversionView& table, Vec3 u, bool
 }
 
 SKY_HD DirectionSample sample_alias_table(const AliasView& table, Vec3 u) {
-  float offset, pdf;
-  const uint32_t texel = sample_alias(table, u, &offset, &pdf);
+  float offset, weight;
+  const uint32_t texel = sample_alias(table, u, &offset, &weight);
   const uint32_t y = texel / (uint32_t)table.width;
-  const RowWarp row = table.rows[y];
+  const AliasRow& row = table.rows[y];
   const float azimuth =
       texel_azimuth((int32_t)(texel - y * (uint32_t)table.width), offset, table.width);
-  return {direction_at_height(azimuth, row.h_start + row.h_slope * u.z, row.h_slope < 0.0f), pdf};
+  const RowWarp warp = row.warp;
+  return {direction_at_height(azimuth, warp.h_start + warp.h_slope * u.z, warp.h_slope < 0.0f),
+          weight * row.pdf};
 }
 
 SKY_HD DirectionSample sample_hierarchy(const HierarchyView& table, Vec3 u) {
@@ -146,7 +148,8 @@ SKY_HD float environment_pdf(const EnvSamplerView& sampler, Vec3 direction) {
       return inversion_pdf(sampler.inversion, x, y);
     case EnvSamplerType::ALIAS:
       latlong_texel(direction, sampler.alias.width, sampler.alias.height, &x, &y);
-      return sampler.alias.entries[(int64_t)y * sampler.alias.width + x].pdf;
+      return sampler.alias.entries[(int64_t)y * sampler.alias.width + x].weight *
+             sampler.alias.rows[y].pdf;
     case EnvSamplerType::HIERARCHY:
       latlong_texel(direction, sampler.hierarchy.width, sampler.hierarchy.height, &x, &y);
       return hierarchy_pdf(sampler.hierarchy, hierarchy_base(sampler.hierarchy), x, y);

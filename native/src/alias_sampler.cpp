@@ -105,11 +105,12 @@ class WeightRows {
     interpolate(y, out);
     scale(out, width(), rows_[y].factor, rows_[y].even);
   }
-  float to_pdf(int y) const { return rows_[y].to_pdf; }
+  /// Per steradian, of a weight of 1.
+  float pdf(int y) const { return rows_[y].pdf; }
 
  private:
   struct Row {
-    float factor, even, to_pdf;
+    float factor, even, pdf;
   };
 
   /// The mean over each texel of what the renderer looks up, in units.
@@ -181,6 +182,20 @@ class LargeRows {
   int64_t spared_;
 };
 
+AliasEntry small_entry(float weight, uint32_t alias) {
+  AliasEntry entry;
+  entry.weight = weight;
+  entry.alias = alias;
+  return entry;
+}
+
+AliasEntry large_entry(float weight, float threshold) {
+  AliasEntry entry;
+  entry.weight = weight;
+  entry.threshold = threshold;
+  return entry;
+}
+
 /// Fills up small entries by large ones, row after row. A large entry is emptied by the first small
 /// one at which more lacks than it and those before have to spare; whoever sweeps that one writes
 /// both.
@@ -205,18 +220,17 @@ class Sweep {
 
   void fill(int y, const Picked& small) {
     const uint32_t start = first_of(y);
-    const float to_pdf = weights_.to_pdf(y);
     const int32_t* __restrict columns = small.columns.data();
     const float* __restrict values = small.weights.data();
     AliasEntry* const row = entries_ + start;
     int i = 0;
     while (large_.picked().count > 0 && (i < small.count || spared_ < lacking_)) {
-      i = fill_by_row(small, i, row, to_pdf);
+      i = fill_by_row(small, i, row);
     }
     // Nobody is left to fill them: the sums of all that lacks and of all that there is to spare
     // differ by rounding.
     for (; i < small.count; ++i) {
-      row[columns[i]] = {values[i], start + (uint32_t)columns[i], values[i] * to_pdf};
+      row[columns[i]] = small_entry(values[i], start + (uint32_t)columns[i]);
     }
   }
 
@@ -226,14 +240,13 @@ class Sweep {
   /// From the i-th small one on, until they or the large ones of a row are through; returns the
   /// next. All that changes is in local variables, as stores to the table could be stores to what
   /// the members point to.
-  int fill_by_row(const Picked& small, int i, AliasEntry* row, float to_pdf) {
+  int fill_by_row(const Picked& small, int i, AliasEntry* row) {
     const Picked& large = large_.picked();
     const int32_t* __restrict columns = large.columns.data();
     const float* __restrict weights = large.weights.data();
     const int32_t* __restrict small_columns = small.columns.data();
     const float* __restrict small_weights = small.weights.data();
     const uint32_t start = first_of(large_.y());
-    const float large_to_pdf = weights_.to_pdf(large_.y());
     AliasEntry* const large_row = entries_ + start;
     const int count = large.count, small_count = small.count;
     int64_t lacking = lacking_, spared = spared_;
@@ -242,19 +255,16 @@ class Sweep {
       if (lacking <= spared) {
         if (i == small_count) break;
         const float weight = small_weights[i];
-        row[small_columns[i]] = {weight, start + (uint32_t)columns[at], weight * to_pdf};
+        row[small_columns[i]] = small_entry(weight, start + (uint32_t)columns[at]);
         lacking += lack_of(weight);
         ++i;
         continue;
       }
       const float threshold = 1.0f - (float)(lacking - spared) * (1.0f / kUnits);
-      AliasEntry& emptied = large_row[columns[at]];
-      emptied = {threshold, start + (uint32_t)columns[at], weights[at] * large_to_pdf};
+      large_row[columns[at]] = large_entry(weights[at], threshold);
       if (++at < count) {
-        emptied.alias = start + (uint32_t)columns[at];
         spared += spare_of(weights[at]);
       } else if (large_.next()) {
-        emptied.alias = first_of(large_.y()) + (uint32_t)large.columns[0];
         spared += spare_of(large.weights[0]);
         at = 0;
         break;
@@ -294,21 +304,32 @@ void AliasSampler::build(const LuminancePlane& plane, ThreadTeam& team) {
   width_ = plane.width();
   height_ = plane.height();
   bad_texels_ = plane.bad_texels();
-  rows_ = make_row_warps(width_, height_);
   entries_ = LargeArray<AliasEntry>((size_t)width_ * height_);
 
   const WeightRows weights(plane, team);
   std::vector<int64_t> lacks(height_ + 1), spares(height_ + 1);  // of the rows above
+  std::vector<int> first_large(height_);                         // width_: none
   team.run_chunks(height_, kSweptRows, [&](int, int first, int last) {
     std::vector<float> row(width_);
     for (int y = first; y < last; ++y) {
       weights.read(y, row.data());
       lacks[y + 1] = sum_lacks(row.data(), width_);
       spares[y + 1] = sum_spares(row.data(), width_);
+      first_large[y] =
+          (int)(std::find_if(row.begin(), row.end(), [](float w) { return w >= 1.0f; }) -
+                row.begin());
     }
   });
   std::partial_sum(lacks.begin(), lacks.end(), lacks.begin());
   std::partial_sum(spares.begin(), spares.end(), spares.begin());
+  const std::vector<RowWarp> warps = make_row_warps(width_, height_);
+  rows_.resize(height_);
+  uint32_t next_large = (uint32_t)width_ * (uint32_t)height_;
+  for (int y = height_; y-- > 0;) {
+    rows_[y] = {warps[y], weights.pdf(y), next_large};
+    if (first_large[y] < width_)
+      next_large = (uint32_t)y * (uint32_t)width_ + (uint32_t)first_large[y];
+  }
 
   team.run_chunks(height_, kSweptRows, [&](int, int first, int last) {
     Sweep sweep(weights, spares, lacks[first], entries_.data());
@@ -326,8 +347,7 @@ void AliasSampler::build(const LuminancePlane& plane, ThreadTeam& team) {
       for (int i = 0; i < picked.count; ++i) {
         spared += spare_of(picked.weights[i]);
         if (spared < lacks[height_]) continue;
-        const uint32_t index = start + (uint32_t)picked.columns[i];
-        entries_[index] = {1.0f, index, picked.weights[i] * weights.to_pdf(y)};
+        entries_[start + (uint32_t)picked.columns[i]] = large_entry(picked.weights[i], 1.0f);
       }
     }
   });
@@ -341,7 +361,7 @@ EnvSamplerView AliasSampler::view() const {
 }
 
 size_t AliasSampler::nbytes() const {
-  return (size_t)width_ * height_ * sizeof(AliasEntry) + rows_.size() * sizeof(RowWarp);
+  return (size_t)width_ * height_ * sizeof(AliasEntry) + rows_.size() * sizeof(AliasRow);
 }
 
 }  // namespace skytree

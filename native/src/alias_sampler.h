@@ -28,7 +28,7 @@ class AliasSampler : public EnvironmentSampler {
 
   int width_ = 0, height_ = 0;
   LargeArray<AliasEntry> entries_;
-  std::vector<RowWarp> rows_;
+  std::vector<AliasRow> rows_;
   double build_seconds_ = 0;
 };
 

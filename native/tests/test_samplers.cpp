@@ -261,10 +261,11 @@ std::vector<double> drawn_shares(const AliasView& table) {
   std::vector<double> shares(count);
   for (size_t i = 0; i < count; ++i) {
     const AliasEntry& entry = table.entries[i];
-    EXPECT_GE(entry.threshold, 0.0f);
-    EXPECT_LE(entry.threshold, 1.0f);
-    shares[i] += entry.threshold;
-    shares[entry.alias] += 1.0 - entry.threshold;
+    const float threshold = alias_threshold(entry);
+    EXPECT_GE(threshold, 0.0f);
+    EXPECT_LE(threshold, 1.0f);
+    shares[i] += threshold;
+    if (threshold < 1.0f) shares[alias_of(table, entry, (uint32_t)i)] += 1.0 - threshold;
   }
   return shares;
 }
@@ -290,10 +291,10 @@ TEST(Samplers, AliasTableDrawsEveryTexelAsItsPdfSays) {
     // What the rounding of all densities comes to may fall to one texel.
     const double rounding = 1e-7 * (double)shares.size();
     for (size_t i = 0; i < shares.size(); ++i) {
-      const double wanted =
-          table.entries[i].pdf * solid_angles[i / image.width] * (double)shares.size();
+      const double wanted = (table.entries[i].weight * table.rows[i / image.width].pdf) *
+                            solid_angles[i / image.width] * (double)shares.size();
       ASSERT_NEAR(shares[i], wanted, 1e-5 * wanted + rounding) << i;
-      ASSERT_EQ(table.entries[i].threshold, other.entries[i].threshold) << i;
+      ASSERT_EQ(table.entries[i].weight, other.entries[i].weight) << i;
       ASSERT_EQ(table.entries[i].alias, other.entries[i].alias) << i;
     }
   }
