@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
+sys.path[:0] = [str(HERE.parent), str(HERE)]
 
 # Far beyond what anything takes on an idle machine: these end what hangs, they judge no speed.
 GIVE_UP_SECONDS = 180.0

@@ -2,62 +2,15 @@
 """How long Blender's own thread is held up, and how soon new pictures come, with a million triangles under
 a map of 4096 x 2048 texels; see driver.py. Prints times and judges none: other programs share the machine."""
 
+import itertools
 import time
 
-import bpy
-import numpy as np
 import scenes
+from calls import Calls
 from mathutils import Quaternion
 
 
-class Calls:
-    """Times functions of the add-on that Blender's user interface calls: on the clock, and processor time."""
-
-    def __init__(self):
-        self.clock: dict[str, list[float]] = {}
-        self.processor: dict[str, list[float]] = {}
-        self._replaced = []
-
-    def time(self, holder, name: str, label: str):
-        original = getattr(holder, name)
-
-        def timed(*arguments, **options):
-            started, used = time.perf_counter(), time.thread_time()
-            try:
-                return original(*arguments, **options)
-            finally:
-                self.clock.setdefault(label, []).append(1000 * (time.perf_counter() - started))
-                self.processor.setdefault(label, []).append(1000 * (time.thread_time() - used))
-
-        setattr(holder, name, timed)
-        self._replaced.append((holder, name, original))
-
-    def forget(self):
-        self.clock.clear()
-        self.processor.clear()
-
-    def restore(self):
-        bpy.app.timers.unregister(rest)
-        for holder, name, original in self._replaced:
-            setattr(holder, name, original)
-
-    def tell(self, w, prefix: str):
-        for label, times in self.clock.items():
-            used = self.processor[label]
-            w.figure(f"{prefix}{label}, {len(times)} calls, median ms on the clock", np.median(times))
-            w.figure(f"{prefix}{label}, longest ms on the clock", max(times))
-            w.figure(f"{prefix}{label}, longest ms of processor time", max(used))
-
-
-def rest() -> float:
-    """A timer that sleeps as Blender's main loop does between its rounds. With --enable-event-simulate it
-    does not, and what it burns then would be counted as ours and be missing to the threads that build."""
-    time.sleep(0.005)
-    return 0.0
-
-
 def set_up(w):
-    bpy.app.timers.register(rest, persistent=True)
     scene = scenes.new_scene()
     scene.skytree.preview_samples, scene.skytree.max_bounces = 2, 2
     ob, mapping = scenes.large_scene(scene)
@@ -74,13 +27,28 @@ def set_up(w):
     calls.time(w.part("viewport.renderer").ViewportRenderer, "update", "view_update")
     calls.time(hooks, "_draw", "view_draw")
     calls.time(clock, "_tick", "timer")
+    renderer, sync = w.part("viewport.renderer").ViewportRenderer, w.part("sync.scene")
+    for name in ("_restart_if_stale", "_take", "_tell_status", "wait_for_picture", "draw"):
+        calls.part(renderer, name)
+    for name in ("sync_environment", "follow_environment", "wait_for_sampler", "_apply"):
+        calls.part(sync.SceneSync, name)
+    calls.part(w.part("sync.objects").ObjectSync, "sync")
+    calls.part(sync, "read_world")
     w.shade("RENDERED")
     return scene, ob, mapping, calls
 
 
+_numbers = itertools.count(1)
+
+
+def number_of(picture) -> int:
+    """Tells pictures apart. Whoever kept them instead would keep their memory from being used again."""
+    return vars(picture).setdefault("number", next(_numbers)) if picture is not None else 0
+
+
 def drawn_pictures(renderer):
-    """[((seconds on the clock, of processor time), sampler's settings, picture)] of what was drawn from now
-    on."""
+    """[((seconds on the clock, of processor time), sampler's settings, number of the picture)] of what was
+    drawn from now on."""
     drawn = []
     original = renderer.draw
 
@@ -88,7 +56,7 @@ def drawn_pictures(renderer):
         original(**options)
         if renderer.picture is not None:
             now = time.perf_counter(), time.process_time()
-            drawn.append((now, renderer.sync.built.settings, renderer.picture))
+            drawn.append((now, renderer.sync.built.settings, number_of(renderer.picture)))
 
     renderer.draw = draw
     return drawn
@@ -133,18 +101,16 @@ def scenario_large_scene(w):
         changes += [("block_count", n) for n in (300, 2000, 1024)]
         changes += [("split_criterion", c) for c in ("VARIANCE", "RANGE", "MIN_VARIANCE")]
         for step, (name, value) in enumerate(changes):
-            before, built = renderer.picture, builds.builds
+            before, built = number_of(renderer.picture), builds.builds
             drawn.clear()
             setattr(settings, name, value)
             asked, used = time.perf_counter(), time.process_time()
             wanted = w.part("environments").SamplerSettings.of(settings)
             yield from w.until(
-                lambda wanted=wanted, before=before: any(
-                    s == wanted and p is not before for _, s, p in drawn
-                ),
+                lambda wanted=wanted, before=before: any(s == wanted and p != before for _, s, p in drawn),
                 what=f"a picture with {name} {value}",
             )
-            shown = next(t for t, s, p in drawn if s == wanted and p is not before)
+            shown = next(t for t, s, p in drawn if s == wanted and p != before)
             kind = "built" if builds.builds > built else "kept"
             w.figure(
                 f"{step}. {name} {value} ({kind}): new picture drawn after ms", 1000 * (shown[0] - asked)
@@ -180,7 +146,7 @@ def scenario_large_comparison(w):
 
     def draw(view, *arguments):
         draw_pictures(view, *arguments)
-        drawn.append((time.perf_counter(), time.process_time(), view.sides["a"].picture))
+        drawn.append((time.perf_counter(), time.process_time(), number_of(view.sides["a"].picture)))
 
     drawing.draw_pictures = draw
     try:
@@ -198,14 +164,14 @@ def scenario_large_comparison(w):
             ("method", "KDTREE"),
         ):
             asked, used = time.perf_counter(), time.process_time()
-            before = view.sides["a"].picture
+            before = number_of(view.sides["a"].picture)
             drawn.clear()
             setattr(compared.a, name, value)
             yield from w.until(
-                lambda before=before: any(p is not before for *_, p in drawn),
+                lambda before=before: any(p != before for *_, p in drawn),
                 what=f"a picture with {name} {value}",
             )
-            shown = next(entry for entry in drawn if entry[2] is not before)
+            shown = next(entry for entry in drawn if entry[2] != before)
             w.figure(f"A's {name} {value}: new picture drawn after ms", 1000 * (shown[0] - asked))
             w.figure(f"A's {name} {value}: processor time until then, ms", 1000 * (shown[1] - used))
             yield from w.until(lambda: is_complete(view), 150.0, what="both sides")
