@@ -12,7 +12,7 @@ import numpy as np
 from . import devices, native, status
 from .camera import CameraError, Film, camera_matrices, film_of
 from .devices import render_device, render_threads
-from .environments import candidates_of, light_rays_of
+from .environments import candidates_of
 from .messages import Messages
 from .sync.scene import SceneSync
 from .thumbnails import render_thumbnail
@@ -95,7 +95,7 @@ class SkytreeRenderEngine(ViewportHooks, bpy.types.RenderEngine):
             blue_noise=settings.blue_noise,
             point_set=settings.point_set,
             candidates=candidates_of(settings),
-            light_rays=light_rays_of(settings),
+            light_rays=settings.light_rays,
             control_variate=settings.control_variate,
             product_sampling=settings.product_sampling,
             learn_visibility=settings.learn_visibility,

@@ -63,12 +63,6 @@ def candidates_of(settings) -> int:
     return settings.candidates if settings.sampler == "RESAMPLED" else 0
 
 
-def light_rays_of(settings) -> int:
-    """What scene.skytree makes of RenderSession.start's argument `light_rays`: 0 are as many as pay
-    (docs/rendering.md)."""
-    return settings.light_rays or (2 if settings.max_bounces else 4)
-
-
 @dataclass
 class BuiltEnvironment:
     image: np.ndarray | None

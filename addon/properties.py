@@ -200,7 +200,7 @@ class SkytreeSceneSettings(bpy.types.PropertyGroup):
         min=0,
         max=4,
         description="Rays to the world from the first surface that a path meets; mirrors take one. 0: as "
-        "many as pay, four where light does not bounce and two where it does",
+        "many as pay, four where light does not bounce and two where it does, until Adaptive has measured it",
     )
     control_variate: BoolProperty(
         update=_changed,

@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import native, status
 from ..devices import render_device, render_threads
-from ..environments import candidates_of, light_rays_of
+from ..environments import candidates_of
 from ..sync.scene import SceneSync
 from . import gpu_draw
 from .view import View, visibility_of
@@ -56,7 +56,7 @@ class RenderSettings:
     threads: int = 0
     device: str = "CPU"
     candidates: int = 0  # of a light sample, see RenderSession.start
-    light_rays: int = 2
+    light_rays: int = 0
     control_variate: bool = True
     product_sampling: bool = True
 
@@ -73,7 +73,7 @@ class RenderSettings:
             render_threads(render),
             render_device(settings),
             candidates_of(settings),
-            light_rays_of(settings),
+            settings.light_rays,
             settings.control_variate,
             settings.product_sampling,
         )

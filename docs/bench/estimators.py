@@ -5,7 +5,8 @@ two scenes, without Blender:
 
     build/venv/bin/python docs/bench/estimators.py HDRI [--samples 4 16 64] [--scenes spheres room]
 
-With --light-rays the steps are best mode with one to four of them instead.
+With --light-rays the steps are best mode with one to four of them instead, and with as many as it measures
+to pay.
 
 Needs skytree_core (`./build_addon.py package` installs it into build/venv).
 """
@@ -45,12 +46,16 @@ STEPS = [
             "+ product sampling": {"product_sampling": True},
             "+ learnt visibility": {"learn_visibility": True},
             "+ adaptive sampling": {"adaptive_sampling": True},
+            "+ light rays as measured": {"light_rays": 0},
         },
     ),
 ]
 BEST = STEPS[-1]
-# How many light rays pay.
-LIGHT_RAYS = [(f"best, light rays: {n}", BEST_BLOCKS, BEST[2] | {"light_rays": n}) for n in (1, 2, 3, 4)]
+# How many light rays pay; 0: as measured.
+LIGHT_RAYS = [
+    (f"best, light rays: {n or 'as measured'}", BEST_BLOCKS, BEST[2] | {"light_rays": n})
+    for n in (1, 2, 3, 4, 0)
+]
 
 
 def sphere(columns: int = 64, rows: int = 32) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +171,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES))
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument(
-        "--light-rays", action="store_true", help="one to four light rays instead of the steps"
+        "--light-rays", action="store_true", help="numbers of light rays instead of the steps"
     )
     parser.add_argument("--reference", type=int, default=4096, help="samples of the reference")
     a = parser.parse_args()

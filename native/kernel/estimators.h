@@ -24,25 +24,33 @@ namespace skytree {
 /// work.
 constexpr float kSharpAlpha = 0.03f;
 
-/// Light samples at a vertex with at least one lobe.
-SKY_HD int light_ray_count(const RenderSettings& settings, int bounce, const Shading& shading) {
-  if (!settings.light_sampling) return 0;
-  if (bounce > 0 || settings.candidates > 0) return 1;
+/// The light samples of a vertex: how many, and which point of their sequence the first takes. The
+/// others take those that follow, so that the samples of one vertex are stratified among themselves
+/// and with those of other paths.
+struct LightSamples {
+  int count;
+  uint32_t first;
+};
+
+/// Those of a vertex with at least one lobe.
+SKY_HD LightSamples light_samples(const RenderSettings& settings, int bounce, uint32_t sample,
+                                  const Shading& shading) {
+  if (!settings.light_sampling) return {0, sample};
+  if (bounce > 0 || settings.candidates > 0) return {1, sample};
   for (int i = 0; i < shading.count; ++i) {
     const Lobe& lobe = shading.lobes[i];
     if (lobe.type == LobeType::kDiffuse || lobe.type == LobeType::kRoughDiffuse ||
         maxf(lobe.alpha_x, lobe.alpha_y) >= kSharpAlpha) {
-      return settings.light_rays;
+      return {settings.light_rays,
+              sample * static_cast<uint32_t>(settings.light_rays) + settings.light_skip};
     }
   }
-  return 1;
+  return {1, sample};
 }
 
-/// Which point of the light's sequence light sample `i` takes: consecutive ones, so that those of
-/// one vertex are stratified among themselves and with those of other samples.
-SKY_HD uint32_t light_index(uint32_t sample, int light_rays, int i) {
-  return sample * static_cast<uint32_t>(light_rays) + static_cast<uint32_t>(i);
-}
+/// Sign of light sample `i` of `count` in the difference of two halves of them, whose square tells
+/// how much noise they bring; 0 where they have no halves.
+SKY_HD float light_half(int count, int i) { return count % 2 ? 0.0f : i % 2 ? -1.0f : 1.0f; }
 
 /// The third number of light sample `i`: one for all of them, turned on.
 SKY_HD float light_choice(float choice, int light_rays, int i) {

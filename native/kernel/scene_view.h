@@ -59,7 +59,9 @@ struct RenderSettings {
   // samples or not; bsdf_sampling must be off.
   int candidates = 0;
   bool bsdf_candidates = false;
-  int light_rays = 1;    // at the first vertex, where it is not sharp; up to kMaxLightRays
+  int light_rays = 1;  // at the first vertex, where it is not sharp; up to kMaxLightRays
+  uint32_t light_skip =
+      0;                 // points of their sequence that earlier samples have taken beyond theirs
   float control = 0.0f;  // factor on the control variate, kernel/estimators.h
   TileControls controls = {};
 };

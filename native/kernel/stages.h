@@ -28,6 +28,8 @@ struct PathState {
   uint32_t sample;
   int bounce;
   int transparent_bounces;
+  int light_rays;         // of the first surface; 0: none was met
+  Vec3 light_difference;  // of two halves of its light samples (light_half)
 };
 
 /// A ray to the environment and what it brings unless something is in its way: weight, or where
@@ -39,6 +41,7 @@ struct Connection {
   Vec2 map;
   uint32_t
       guide_record;  // what the guide counts of it (visibility_guide.h), kNoGuideRecord: nothing
+  float half;        // sign in the path's light_difference
 };
 
 /// Map coordinates of a connection whose weight is complete.
@@ -103,7 +106,8 @@ SKY_HD bool make_probe(const SceneView& scene, const Surface& surface, uint32_t 
   *connection = {{offset_origin(surface, direction), 0.0f, direction, INFINITY},
                  {0, 0, 0},
                  no_map_coordinates(),
-                 record};
+                 record,
+                 0.0f};
   return record != kNoGuideRecord;
 }
 
@@ -166,6 +170,8 @@ SKY_HD void start_path(const Ray& ray, uint32_t seed, uint32_t sample, float con
   path->sample = sample;
   path->bounce = 0;
   path->transparent_bounces = 0;
+  path->light_rays = 0;
+  path->light_difference = {0, 0, 0};
 }
 
 /// A connection that met a surface, in scenes with transparency: what the surface lets through goes
@@ -200,7 +206,7 @@ SKY_HD void shade_miss(const SceneView& scene, const RenderSettings& settings, P
 /// The light samples of a vertex: connections, and their part of the control variate into the
 /// path's radiance. Returns the number of connections.
 SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings, int vertex,
-                         uint32_t slot, const ProductMix& mix, int light_rays, float control,
+                         uint32_t slot, const ProductMix& mix, LightSamples lights, float control,
                          float choice, const Surface& surface, const Shading& shading,
                          PathState* path, Connection* connections) {
   const EnvironmentView& environment = scene.environment;
@@ -219,14 +225,17 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
                       path->throughput * light.f *
                           environment_radiance(environment, light.direction) * (1.0f / light.pdf),
                       no_map_coordinates(),
-                      kNoGuideRecord};
+                      kNoGuideRecord,
+                      0.0f};
     return 1;
   }
   int count = 0;
+  const int light_rays = lights.count;
   for (int i = 0; i < light_rays; ++i) {
     const Vec2 u =
         sample_pair(settings.point_count * static_cast<uint32_t>(light_rays), path->seed,
-                    light_index(path->sample, light_rays, i), first_pair(vertex) + kPairLight);
+                    lights.first + static_cast<uint32_t>(i), first_pair(vertex) + kPairLight);
+    const float half = light_half(light_rays, i);
     const GuidedSample guided = sample_guided(environment.sampler, scene.guide, slot, mix,
                                               {light_choice(choice, light_rays, i), u.x, u.y});
     const DirectionSample light = guided.light;
@@ -242,13 +251,16 @@ SKY_HD int sample_lights(const SceneView& scene, const RenderSettings& settings,
     if (control > 0.0f) {
       incoming *= lookup_bilinear_uv(environment.image, map.x, map.y);
       map = no_map_coordinates();
-      path->radiance += -(incoming * control_value(shading, direction) * control);
+      const Vec3 taken = incoming * control_value(shading, direction) * control;
+      path->radiance += -taken;
+      path->light_difference += taken * -half;
     }
     if (!(max_component(bsdf.f) > 0.0f)) continue;
     connections[count++] = {{offset_origin(surface, direction), 0.0f, direction, INFINITY},
                             incoming * bsdf.f,
                             map,
-                            record};
+                            record,
+                            half};
   }
   if (slot != kNoGuideSlot && scene.guide.probing && vertex == 0) {
     count += probe_visibility(scene, surface, slot, path->seed, path->sample, connections + count);
@@ -290,8 +302,11 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   path->radiance += path->throughput * shading.emission;
   const EnvironmentView& environment = scene.environment;
   const bool last = path->bounce > settings.max_bounces;  // only emission is still wanted here
-  const int light_rays =
-      last || shading.count == 0 ? 0 : light_ray_count(settings, path->bounce, shading);
+  const LightSamples lights = last || shading.count == 0
+                                  ? LightSamples{0, 0}
+                                  : light_samples(settings, path->bounce, path->sample, shading);
+  const int light_rays = lights.count;
+  if (path->bounce == 0) path->light_rays = light_rays;
   const float control = light_rays > 0 && path->bounce == 0 ? path->control : 0.0f;
   const Vec2 choices =
       sample_pair(settings.point_count, path->seed, path->sample, first_pair(vertex) + kPairChoice);
@@ -302,7 +317,7 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
     if (control > 0.0f) {
       path->radiance += path->throughput * control_integral(environment, shading) * control;
     }
-    *connection_count = sample_lights(scene, settings, vertex, slot, mix, light_rays, control,
+    *connection_count = sample_lights(scene, settings, vertex, slot, mix, lights, control,
                                       choices.x, surface, shading, path, connections);
   }
 
@@ -352,7 +367,7 @@ SKY_HD bool shade_surface(const SceneView& scene, const RenderSettings& settings
   const Ray next = {offset_origin(surface, direction), 0.0f, direction, INFINITY};
   if (ends_in_sky(scene, settings, path->bounce)) {
     if (settings.bsdf_sampling)
-      connections[(*connection_count)++] = {next, sky, map, kNoGuideRecord};
+      connections[(*connection_count)++] = {next, sky, map, kNoGuideRecord, 0.0f};
     return false;
   }
   return continue_path(bsdf, next, sky, choices.x, path);

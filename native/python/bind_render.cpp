@@ -355,6 +355,7 @@ py::dict session_stats(const RenderSession& session) {
   dict["commit_seconds"] = stats.commit_seconds;
   dict["rejected_samples"] = stats.rejected_samples;
   dict["threads"] = stats.threads;
+  dict["light_rays"] = stats.light_rays;
   dict["device"] = stats.device;
   return dict;
 }
@@ -531,7 +532,8 @@ max_bounces 0 shows the environment as the first surface sees it. pixel_filter: 
 BLACKMAN_HARRIS with filter_width in pixels, as Cycles defines them. region (x0,y0,x1,y1): pixels from the lower left
 corner of the film; a pixel's value does not depend on it. first_sample continues an earlier render's sequence.
 bsdf_sampling or light_sampling off leaves the other alone, without MIS. light_rays (1..4): light samples at the first
-surface that a path meets; mirrors and narrow lobes take one. control_variate: diffuse light as its difference from
+surface that a path meets; mirrors and narrow lobes take one. 0: as many as pay, 4 with max_bounces 0 and else 2, until
+adaptive_sampling's first samples have told better. control_variate: diffuse light as its difference from
 the unshadowed map's, tile by tile as far as pilot paths find that it helps; the mean is the same. learn_visibility: what shadow rays meet
 during the first 16 samples steers later light samples where much of the environment is hidden (CPU, kd-trees chosen by a
 warp); pixels then depend on the whole region that is rendered. product_sampling: light samples of glossy surfaces are
@@ -574,7 +576,8 @@ to.)")
                              [](const RenderSession& s) { return s.stats().render_seconds; })
       .def_property_readonly("stats", &session_stats,
                              "rays, seconds, cpu_seconds, commit_seconds, rejected_samples, "
-                             "threads, device (what rendered).");
+                             "threads, light_rays (at the first surface, in the last samples), "
+                             "device (what rendered).");
 }
 
 }  // namespace skytree

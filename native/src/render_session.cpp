@@ -45,7 +45,7 @@ void check_options(const RenderOptions& o) {
   require(o.samples >= 1, "samples must be at least 1");
   require(o.first_sample >= 0, "first_sample must not be negative");
   require(o.max_bounces >= 0 && o.max_bounces <= 1024, "max_bounces must lie in 0..1024");
-  require(o.light_rays >= 1 && o.light_rays <= kMaxLightRays, "light_rays must lie in 1..4");
+  require(o.light_rays >= 0 && o.light_rays <= kMaxLightRays, "light_rays must lie in 0..4");
   require(o.bsdf_sampling || o.light_sampling,
           "bsdf_sampling and light_sampling are both off: nothing would find the light");
   require(o.candidates >= 0 && o.candidates <= 1024, "candidates must lie in 0..1024");
@@ -67,6 +67,11 @@ void check_filtered(const RenderOptions& o, const EnvironmentSampler* sampler) {
 
 }  // namespace
 
+int light_rays_to_begin_with(const RenderOptions& o) {
+  // Where light bounces, the noise of the first surface's light is the smaller part.
+  return o.light_rays > 0 ? o.light_rays : o.max_bounces == 0 ? 4 : 2;
+}
+
 RenderSettings make_render_settings(const RenderOptions& o, const float* filter_table) {
   RenderSettings settings = {};
   settings.seed = o.seed;
@@ -75,10 +80,10 @@ RenderSettings make_render_settings(const RenderOptions& o, const float* filter_
   settings.bsdf_sampling = o.bsdf_sampling && o.candidates == 0;
   settings.filter_table = filter_table;
   settings.light_sampling = o.light_sampling;
-  settings.light_rays = o.light_rays;
+  settings.light_rays = light_rays_to_begin_with(o);
   settings.blue_noise = o.blue_noise;
   const bool known = !o.adaptive_sampling && !o.blue_noise && o.first_sample == 0 &&
-                     int64_t(o.samples) * o.light_rays <= int64_t(kLargestJitteredSet);
+                     int64_t(o.samples) * settings.light_rays <= int64_t(kLargestJitteredSet);
   settings.point_count = o.multi_jittered && known ? uint32_t(o.samples) : 0;
   settings.candidates = o.candidates;
   settings.bsdf_candidates = o.bsdf_sampling;
@@ -272,8 +277,22 @@ bool RenderSession::wait_for_samples(int64_t count) {
 void RenderSession::share_out_before(int64_t begin) {
   if (!plan_ || begin != plan_->measured() || !wait_for_samples(begin)) return;
   std::lock_guard<std::mutex> lock(plan_mutex_);
-  if (!shared_out_) plan_->share_out();
+  if (shared_out_) return;
+  plan_->share_out();
+  if (options_.light_rays == 0 && job_.settings.light_rays > 1) choose_light_rays(begin);
   shared_out_ = true;
+}
+
+/// Light rays of the samples from `begin` on, as the measured ones tell.
+void RenderSession::choose_light_rays(int64_t begin) {
+  RenderSettings& settings = job_.settings;
+  const int before = settings.light_rays;
+  settings.light_rays =
+      plan_->light_rays_that_pay(before, double(later_rays_) / double(measured_paths_));
+  const uint32_t first = uint32_t(options_.first_sample) + uint32_t(begin);
+  settings.light_skip = first * uint32_t(before - settings.light_rays);
+  std::lock_guard<std::mutex> lock(mutex_);
+  stats_.light_rays = settings.light_rays;
 }
 
 /// Brings the guide up to date with the passes before, once.
@@ -318,12 +337,14 @@ void RenderSession::lead() {
     job_.scene.environment.sampler =
         options_.product_sampling ? sampler->product_view() : sampler->view();
   }
+  stats_.light_rays = job_.settings.light_rays;
   controls_.assign(size_t(tiles_.count()), 0.0f);
   job_.settings.controls = {controls_.data(), tiles_.first_column, tiles_.first_row,
                             tiles_.columns};
   start_learning();
   plan_.reset();
   shared_out_ = false;
+  later_rays_ = measured_paths_ = 0;
   // After a device's samples nothing is known of their spread.
   if (options_.adaptive_sampling && cpu_begin_ == 0 &&
       options_.samples >= SamplePlan::kLeastSamples) {
@@ -360,6 +381,10 @@ void RenderSession::render_tiles() {
       const TileWork work = {tiles_.column(tile), tiles_.row(tile), paths.data() + from,
                              int(count)};
       rays += render_tile_(job_, work, scratch.get(), sample.get());
+      if (plan_ && !shared_out_) {
+        later_rays_ += sample->later_rays;
+        measured_paths_ += uint64_t(count);
+      }
       accumulate(tile, work, *sample);
     };
     if (plan_ && begin - cpu_begin_ >= plan_->measured()) {
@@ -434,7 +459,9 @@ void RenderSession::accumulate(int tile, const TileWork& work, const TileSample&
       size_t place;
       if (!tiles.find_pixel(tile, work.paths[i].pixel, &place)) continue;
       const Vec3 radiance = sample.radiance[i];
-      if (plan_ && !shared_out_) plan_->record(place, radiance);
+      if (plan_ && !shared_out_) {
+        plan_->record(place, {radiance, sample.light_rays[i], sample.light_difference[i]});
+      }
       Pixel& pixel = film_[place];
       ++pixel.count;
       pixel.alpha += sample.alpha[i];

@@ -49,7 +49,8 @@ struct RenderOptions {
   /// Above 0: each light sample is chosen from so many candidates, half of them BSDF samples if
   /// bsdf_sampling is on (kernel/resampling.h). The BSDF's own ray then brings no environment.
   int candidates = 0;
-  /// Light samples at a path's first vertex, 1 to kMaxLightRays; mirrors and narrow lobes take one.
+  /// Light samples at a path's first vertex, up to kMaxLightRays; mirrors and narrow lobes take
+  /// one. 0: as many as pay, which with adaptive_sampling the first samples tell.
   int light_rays = 1;
   /// Diffuse light by its difference from the unshadowed map's, tile by tile as far as that helps;
   /// needs light_sampling, without it this does nothing.
@@ -70,6 +71,7 @@ struct SessionStats {
   double render_seconds = 0.0;    // wall clock, commit included
   double cpu_seconds = 0.0;       // of the session's threads while they render tiles
   int threads = 0;
+  int light_rays = 0;  // at the first surface, in the last samples
   std::string device;  // what rendered: "CPU", a GPU's name, or "… + CPU" where the CPU took over
 };
 
@@ -128,6 +130,7 @@ class RenderSession {
   bool wait_for_samples(int64_t count);
   void learn_before(uint64_t pass, int64_t begin);
   void share_out_before(int64_t begin);
+  void choose_light_rays(int64_t begin);
   void fail(const std::string& message);
 
   std::vector<std::thread> threads_;
@@ -156,6 +159,7 @@ class RenderSession {
   std::unique_ptr<VisibilityGuide> guide_;
   std::unique_ptr<SamplePlan> plan_;  // null: every pixel takes as many samples
   bool shared_out_ = false;
+  std::atomic<uint64_t> later_rays_{0}, measured_paths_{0};  // of the measured samples
   std::mutex plan_mutex_;
   std::mutex guide_mutex_;
   std::atomic<uint64_t> guide_pass_{0};  // the last pass that the guide was brought up to date for

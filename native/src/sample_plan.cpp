@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernel/rng.h"
+#include "kernel/scene_view.h"
 
 namespace skytree {
 namespace {
@@ -91,6 +92,14 @@ double fit_scale(const std::vector<float>& demand, double least, double most, do
   return scale;
 }
 
+/// Time of a path in units of one light ray at the first surface, about what `bench --peers` finds:
+/// all of a path but those, and each ray of the vertices that follow. Those lie in all directions,
+/// which costs caches and packets.
+constexpr double kPathCost = 2.0, kLaterRayCost = 2.0;
+/// What another number of light rays must promise of error times time, over what it is: the promise
+/// is rough, and points of a sequence are best taken in steps of one size.
+constexpr double kWorthAChange = 0.95;
+
 }  // namespace
 
 SamplePlan::SamplePlan(int width, int height, int samples)
@@ -101,13 +110,31 @@ SamplePlan::SamplePlan(int width, int height, int samples)
       sums_(size_t(width) * height),
       extra_(size_t(width) * height, uint32_t(samples - measured_)) {}
 
-void SamplePlan::record(size_t pixel, Vec3 radiance) {
+void SamplePlan::record(size_t pixel, const MeasuredSample& sample) {
+  const Vec3 radiance = sample.radiance;
   if (!std::isfinite(radiance.x + radiance.y + radiance.z)) return;
   Sums& sums = sums_[pixel];
+  sums.several += sample.light_rays > 1;
+  const float difference_square = dot(sample.light_difference, sample.light_difference);
+  if (std::isfinite(difference_square)) sums.difference_squares += difference_square;
   sums.radiance[0] += radiance.x;
   sums.radiance[1] += radiance.y;
   sums.radiance[2] += radiance.z;
   sums.squares += dot(radiance, radiance);
+}
+
+double SamplePlan::variance(const Sums& sums) const {
+  double squared_mean = 0.0;
+  for (const float channel : sums.radiance) {
+    squared_mean += double(channel) / measured_ * channel / measured_;
+  }
+  return std::max(sums.squares / measured_ - squared_mean, 0.0);
+}
+
+double SamplePlan::brightness(const Sums& sums) const {
+  double sum = 0.0;
+  for (const float channel : sums.radiance) sum += std::max(channel, 0.0f);
+  return sum / (3.0 * measured_);
 }
 
 void SamplePlan::share_out() {
@@ -115,14 +142,8 @@ void SamplePlan::share_out() {
   std::vector<float> variance(count), brightness(count);
   double image_mean = 0.0;
   for (size_t i = 0; i < count; ++i) {
-    const Sums& s = sums_[i];
-    double squared_mean = 0.0;
-    for (const float channel : s.radiance) {
-      const double m = double(channel) / measured_;
-      squared_mean += m * m;
-      brightness[i] += float(std::max(m, 0.0) / 3.0);
-    }
-    variance[i] = float(std::max(s.squares / measured_ - squared_mean, 0.0));
+    variance[i] = float(this->variance(sums_[i]));
+    brightness[i] = float(this->brightness(sums_[i]));
     image_mean += brightness[i] / double(count);
   }
 
@@ -148,6 +169,41 @@ void SamplePlan::share_out() {
     const double steps = std::floor(wanted / step + unit_float(hash_u32(uint32_t(i))));
     extra_[i] = uint32_t(steps) * uint32_t(step) - uint32_t(measured_);
   }
+}
+
+int SamplePlan::light_rays_that_pay(int measured_rays, double later_rays) const {
+  double image_mean = 0.0;
+  for (const Sums& s : sums_) image_mean += brightness(s) / double(sums_.size());
+  const double dark = kDark * image_mean + 1e-30;
+  // Squared error over brightness in the end, and what of it `measured_rays` light rays bring;
+  // samples to come, and those that take several light rays.
+  double error = 0.0, light_error = 0.0, samples = 0.0, several = 0.0;
+  for (size_t i = 0; i < sums_.size(); ++i) {
+    const Sums& s = sums_[i];
+    const double weight = 1.0 / ((measured_ + double(extra_[i])) * (brightness(s) + dark));
+    error += weight * variance(s) * measured_ / (measured_ - 1.0);
+    light_error += weight * s.difference_squares / measured_;
+    samples += extra_[i];
+    several += double(extra_[i]) * s.several / measured_;
+  }
+  // Points of a sequence are spread more evenly than the halves' difference knows.
+  light_error = std::min(light_error, error);
+  const auto cost = [&](int n) {
+    return samples * (kPathCost + 1.0 + kLaterRayCost * later_rays) + several * (n - 1.0);
+  };
+  const auto error_of = [&](int n) {
+    return error + light_error * (double(measured_rays) / n - 1.0);
+  };
+  int best = measured_rays;
+  double least = kWorthAChange * error_of(best) * cost(best);
+  for (int n = 1; n <= kMaxLightRays; ++n) {
+    const double product = error_of(n) * cost(n);
+    if (product < least) {
+      least = product;
+      best = n;
+    }
+  }
+  return best;
 }
 
 }  // namespace skytree

@@ -8,6 +8,9 @@
 // its neighbours' samples without its own: their random numbers are independent of the pixel's, so
 // the mean of however many samples it then takes is unbiased. (What all pixels together are scaled
 // by knows the pixel's own samples too, by one part in as many as there are pixels.)
+//
+// The same samples tell how many light rays pay in what is left of the render. That number is one
+// for the whole film and no pixel's count depends on it, so what all samples tell may be used.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +19,13 @@
 #include "kernel/vec.h"
 
 namespace skytree {
+
+/// What one measured sample of a pixel brought.
+struct MeasuredSample {
+  Vec3 radiance;
+  int light_rays = 0;                 // as in PathState
+  Vec3 light_difference = {0, 0, 0};  // as in PathState
+};
 
 class SamplePlan {
  public:
@@ -30,9 +40,14 @@ class SamplePlan {
   int measured() const { return measured_; }
   /// Takes in one of a pixel's measured samples; pixels are counted row by row. Different pixels
   /// may be recorded at the same time.
-  void record(size_t pixel, Vec3 radiance);
+  void record(size_t pixel, const MeasuredSample& sample);
   /// Shares out the rest, once all measured samples are recorded.
   void share_out();
+
+  /// How many light rays at the first surface make the rest least noisy for its time, once it is
+  /// shared out. The measured samples took `measured_rays` there, an even number, and traced
+  /// `later_rays` a path from other vertices.
+  int light_rays_that_pay(int measured_rays, double later_rays) const;
 
   /// How many samples a pixel has when the render has done `done` a pixel in the mean.
   uint32_t samples_at(size_t pixel, int64_t done) const {
@@ -44,8 +59,12 @@ class SamplePlan {
  private:
   struct Sums {
     float radiance[3] = {0, 0, 0};
-    float squares = 0;  // of all channels
+    float squares = 0;             // of all channels
+    float difference_squares = 0;  // of light_difference, all channels
+    uint32_t several = 0;          // samples that took more than one light ray
   };
+  double variance(const Sums& sums) const;  // of a sample, all channels
+  double brightness(const Sums& sums) const;
 
   int width_, height_, samples_, measured_;
   std::vector<Sums> sums_;

@@ -39,6 +39,9 @@ struct TileWork {
 struct TileSample {
   Vec3 radiance[kTilePixels];
   float alpha[kTilePixels];
+  int light_rays[kTilePixels];  // as in PathState
+  Vec3 light_difference[kTilePixels];
+  uint64_t later_rays;  // of all paths, from their second vertices on
 };
 
 /// The i-th pixel in an order in which 2 x 4 neighbours follow each other: the more alike the rays

@@ -67,14 +67,15 @@ static bool shade_hit(const IntegratorJob& job, int vertex, int index, const Hit
   if (path.bounce <= job.settings.max_bounces && job.settings.candidates == 0 &&
       is_simple(shading, &diffuse, &glossy)) {
     path.radiance += path.throughput * shading.emission;
-    const int light_rays = light_ray_count(job.settings, path.bounce, shading);
+    const LightSamples lights = light_samples(job.settings, path.bounce, path.sample, shading);
+    if (path.bounce == 0) path.light_rays = lights.count;
     uint32_t slot = kNoGuideSlot;  // of diffuse lanes: all together in shade_batch
     ProductMix products = {};
-    if (glossy && light_rays > 0) {
+    if (glossy && lights.count > 0) {
       slot = vertex_guide_slot(scene, surface);
       products = vertex_products(scene, shading, view, path.bounce, slot);
     }
-    append_lane(surface, shading, path, index, light_rays,
+    append_lane(surface, shading, path, index, lights,
                 looks_ahead(scene, path.bounce, path.control), slot, products,
                 glossy ? &batch->glossy : &batch->diffuse);
     return false;
@@ -154,7 +155,9 @@ static void add_connections(const SceneView& scene, const Connections& connectio
       if (next < lookups->count && lookups->lane[next] == k) {
         radiance *= lookups->radiance.get(next++);
       }
-      paths[connections.path[k]].radiance += radiance;
+      PathState& path = paths[connections.path[k]];
+      path.radiance += radiance;
+      path.light_difference += radiance * connections.half[k];
     }
   }
 }
@@ -209,6 +212,7 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
   Batch& batch = *reinterpret_cast<Batch*>(scratch);
   int count = work.count;
   uint64_t rays = 0;
+  out->later_rays = 0;
   start_paths(job, work, &batch);
   // A path ends by its own rules; the bound only keeps an error in them from hanging a thread.
   const int max_vertices = job.settings.max_bounces + kMaxTransparentBounces + 2;
@@ -219,15 +223,17 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
                     [&](int i) -> const Ray& { return batch.paths[batch.active[i]].ray; });
       });
     }
-    rays += count;
+    uint64_t traced = uint64_t(count);
     count = shade_batch(job, vertex, count, &batch);
     Connections& connections = batch.connections;
     if (job.scene.has_transparency) {
-      rays += trace_through(job, &connections, batch.hits, batch.waiting);
+      traced += trace_through(job, &connections, batch.hits, batch.waiting);
     } else {
       trace_any(job, &connections);
-      rays += connections.count;
+      traced += uint64_t(connections.count);
     }
+    rays += traced;
+    if (vertex > 0) out->later_rays += traced;
     if (job.scene.guide.counters) {
       for (int i = 0; i < connections.count; ++i) {
         guide_commit(job.scene.guide, connections.guide_record[i], !connections.occluded[i]);
@@ -238,6 +244,8 @@ static uint64_t render_tile(const IntegratorJob& job, const TileWork& work, Tile
   for (int i = 0; i < work.count; ++i) {
     out->radiance[i] = batch.paths[i].radiance;
     out->alpha[i] = batch.paths[i].alpha;
+    out->light_rays[i] = batch.paths[i].light_rays;
+    out->light_difference[i] = batch.paths[i].light_difference;
   }
   return rays;
 }

@@ -23,6 +23,7 @@ struct Lanes {
   int path[kBatch];
   uint32_t seed[kBatch], sample[kBatch];
   int light_rays[kBatch];
+  uint32_t light_first[kBatch];  // as in LightSamples
   uint32_t guide_slot[kBatch];
   LaneMixes products;
   float control[kBatch];
@@ -57,9 +58,10 @@ struct LaneWork {
   float choice_x[kBatch], choice_y[kBatch], random_x[kBatch], random_y[kBatch];
   float light_choice[kBatch], guide_factor[kBatch];
   uint32_t index[kBatch];
-  int32_t region[kBatch];    // of the guide
-  int32_t cut_node[kBatch];  // that a direction lies in
-  Vectors<kBatch> gain;      // to the paths' radiance
+  int32_t region[kBatch];      // of the guide
+  int32_t cut_node[kBatch];    // that a direction lies in
+  Vectors<kBatch> gain;        // to the paths' radiance
+  Vectors<kBatch> difference;  // and to their light_difference
 };
 
 /// Whether `shading` fits into lanes; how many lobes of each kind it has.
@@ -78,13 +80,14 @@ static bool is_simple(const Shading& shading, int* diffuse, int* glossy) {
 }
 
 static void append_lane(const Surface& surface, const Shading& shading, const PathState& path,
-                        int path_index, int light_rays, bool ahead, uint32_t guide_slot,
+                        int path_index, LightSamples lights, bool ahead, uint32_t guide_slot,
                         const ProductMix& products, Lanes* lanes) {
   const int i = lanes->count++;
   lanes->path[i] = path_index;
   lanes->seed[i] = path.seed;
   lanes->sample[i] = path.sample;
-  lanes->light_rays[i] = light_rays;
+  lanes->light_rays[i] = lights.count;
+  lanes->light_first[i] = lights.first;
   lanes->guide_slot[i] = guide_slot;
   lanes->products.set(i, products);
   lanes->ahead[i] = ahead;
@@ -105,7 +108,7 @@ static void append_lane(const Surface& surface, const Shading& shading, const Pa
       lanes->diffuse_normal.set(i, lobe.normal);
       lanes->diffuse_weight.set(i, lobe.weight);
       lanes->select[i] = lobe.select;
-      if (path.bounce == 0 && light_rays > 0) lanes->control[i] = path.control;
+      if (path.bounce == 0 && lights.count > 0) lanes->control[i] = path.control;
       continue;
     }
     lanes->normal.set(i, lobe.normal);
@@ -185,8 +188,9 @@ SKY_HD Vec2 lane_map(const Lanes& lanes, const LaneDirections& directions, int i
 }
 
 /// The weights of the connections along `directions`, and their part of the control variate.
+/// `half` is 1 or -1 for a light sample, of lanes that have an even number.
 SKY_LANE_LOOP void weigh(const SceneView& scene, const RenderSettings& settings, const Lanes& lanes,
-                         LaneDirections* directions, LaneWork* work) {
+                         float half, LaneDirections* directions, LaneWork* work) {
   const Vec3 color = scene.environment.color;
   const float bsdf_rays = bsdf_ray_count(settings);
   SKY_VECTOR_LOOP
@@ -198,6 +202,7 @@ SKY_LANE_LOOP void weigh(const SceneView& scene, const RenderSettings& settings,
     const float p = diffuse_polynomial(dot(lanes.diffuse_normal.get(i), directions->world.get(i)));
     const Vec3 control = incoming * (lanes.diffuse_weight.get(i) * (kInvPi * p)) * lanes.control[i];
     work->gain.set(i, work->gain.get(i) - control);
+    work->difference.set(i, work->difference.get(i) - control * half);
     directions->weight.set(i, incoming * directions->f.get(i));
   }
 }
@@ -223,6 +228,7 @@ SKY_LANE_LOOP void begin_control(const EnvironmentView& environment, const Lanes
     const Vec3 integral = environment.color * (lanes.diffuse_weight.get(i) * kInvPi *
                                                diffuse_integral(environment.moments, normal));
     work->gain.set(i, lanes.throughput.get(i) * integral * lanes.control[i]);
+    work->difference.set(i, {0, 0, 0});
   }
 }
 
@@ -278,7 +284,7 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
   SKY_VECTOR_LOOP
   for (int i = 0; i < lanes.count; ++i) {
     // A lane without this sample takes any.
-    const uint32_t index = light_index(lanes.sample[i], lanes.light_rays[i], k);
+    const uint32_t index = lanes.light_first[i] + static_cast<uint32_t>(k);
     work->index[i] = k < lanes.light_rays[i] ? index : 0;
   }
   draw_light_points(settings, lanes.light_rays, lanes.seed, work->index, lanes.count,
@@ -305,7 +311,7 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
     directions.radiance.set(i, {0, 0, 0});
     directions.f.set(i, {0, 0, 0});
   }
-  weigh(scene, settings, lanes, &directions, work);
+  weigh(scene, settings, lanes, light_half(0, k), &directions, work);
   const bool recording = scene.guide.counters != nullptr;
   for (int i = 0; i < lanes.count; ++i) {
     // A lane without this sample weighs nothing.
@@ -316,7 +322,7 @@ static void sample_light_lanes(const SceneView& scene, const RenderSettings& set
                                  lanes.geometric_normal.get(i), directions.world.get(i));
     if (!(max_component(directions.f.get(i)) > 0.0f)) continue;
     append({lane_ray(lanes, directions, i), directions.weight.get(i),
-            lane_map(lanes, directions, i), record},
+            lane_map(lanes, directions, i), record, light_half(lanes.light_rays[i], k)},
            lanes.path[i], connections);
   }
 }
@@ -456,9 +462,13 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     for (int i = 0; i < count; ++i) {
       if (!(directions.bsdf_pdf[i] > 0.0f)) directions.radiance.set(i, {0, 0, 0});
     }
-    weigh(scene, settings, lanes, &directions, work);
+    weigh(scene, settings, lanes, 0.0f, &directions, work);
   }
-  for (int i = 0; i < count; ++i) paths[lanes.path[i]].radiance += work->gain.get(i);
+  for (int i = 0; i < count; ++i) {
+    PathState& path = paths[lanes.path[i]];
+    path.radiance += work->gain.get(i);
+    if (lanes.light_rays[i] % 2 == 0) path.light_difference += work->difference.get(i);
+  }
   for (int i = 0; i < count; ++i) {
     const BsdfValue bsdf = {directions.f.get(i), directions.bsdf_pdf[i]};
     const Vec3 sky = settings.bsdf_sampling ? directions.weight.get(i) : Vec3{0, 0, 0};
@@ -467,7 +477,7 @@ static int shade_lanes(const SceneView& scene, const RenderSettings& settings, c
     const Ray next = lane_ray(lanes, directions, i);
     if (ends_in_sky(scene, settings, path.bounce)) {
       if (settings.bsdf_sampling) {
-        append({next, sky, lane_map(lanes, directions, i), kNoGuideRecord}, lanes.path[i],
+        append({next, sky, lane_map(lanes, directions, i), kNoGuideRecord, 0.0f}, lanes.path[i],
                connections);
       }
     } else if (continue_path(bsdf, next, sky, work->choice_x[i], &path)) {

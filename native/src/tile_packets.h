@@ -125,6 +125,7 @@ struct Connections {
   float map_u[kCapacity], map_v[kCapacity];
   int path[kCapacity];
   uint32_t guide_record[kCapacity];
+  float half[kCapacity];
   bool occluded[kCapacity];
   int count;
 };
@@ -138,13 +139,15 @@ SKY_HD void append(const Connection& connection, int path, Connections* connecti
   connections->map_v[i] = connection.map.y;
   connections->path[i] = path;
   connections->guide_record[i] = connection.guide_record;
+  connections->half[i] = connection.half;
 }
 
 SKY_HD Connection connection_at(const Connections& connections, int i) {
   return {{connections.origin.get(i), 0.0f, connections.direction.get(i), INFINITY},
           connections.weight.get(i),
           {connections.map_u[i], connections.map_v[i]},
-          connections.guide_record[i]};
+          connections.guide_record[i],
+          connections.half[i]};
 }
 
 /// Whether anything is in the way of the connections.

@@ -20,7 +20,7 @@ SamplePlan make_plan(const Value& value, int samples = kSamples) {
     for (int x = 0; x < kWidth; ++x) {
       for (int k = 0; k < plan.measured(); ++k) {
         const float v = value(x, y, k);
-        plan.record(size_t(y) * kWidth + x, {v, v, v});
+        plan.record(size_t(y) * kWidth + x, {{v, v, v}});
       }
     }
   }
@@ -109,6 +109,32 @@ TEST(SamplePlan, SamplesGrowSteadilyToTheirNumber) {
   }
 }
 
+/// What pays after samples of deviation 1 whose light rays' halves differ by `difference`.
+int light_rays_that_pay(int measured_rays, float difference, double later_rays) {
+  SamplePlan plan(kWidth, kHeight, kSamples);
+  for (size_t pixel = 0; pixel < size_t(kWidth) * kHeight; ++pixel) {
+    for (int k = 0; k < plan.measured(); ++k) {
+      const float v = k % 2 ? 0.0f : 2.0f, d = k % 4 < 2 ? difference : -difference;
+      plan.record(pixel, {{v, v, v}, measured_rays, {d, d, d}});
+    }
+  }
+  plan.share_out();
+  return plan.light_rays_that_pay(measured_rays, later_rays);
+}
+
+TEST(SamplePlan, TakesAsManyLightRaysAsPay) {
+  // All noise is that of the light rays, or none of it.
+  for (const int measured_rays : {2, 4}) {
+    EXPECT_EQ(light_rays_that_pay(measured_rays, 1.0f, 0.0), 4);
+    EXPECT_EQ(light_rays_that_pay(measured_rays, 0.0f, 0.0), 1);
+  }
+  // A fifth of it: worth more rays only if the rest of the path is dear.
+  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.2f), 0.0), 1);
+  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.2f), 20.0), 4);
+  // Next to nothing is not worth a change.
+  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.3f), 1.0), 2);
+}
+
 RenderOptions options_of(bool adaptive, uint32_t seed = 0, int samples = 32) {
   RenderOptions options;
   options.width = 96;
@@ -192,10 +218,68 @@ TEST(AdaptiveSampling, KeepsTheMean) {
 
 TEST(AdaptiveSampling, ThreadsChangeNoBit) {
   const auto scene = make_lit_spheres();
-  const std::vector<float> one = render(scene, options_of(true), 1);
-  EXPECT_EQ(one, render(scene, options_of(true), 2));
-  EXPECT_EQ(one, render(scene, options_of(true), 7));
-  EXPECT_NE(one, render(scene, options_of(false), 2));
+  for (const int light_rays : {1, 0}) {
+    RenderOptions options = options_of(true);
+    options.light_rays = light_rays;
+    options.max_bounces = 1;
+    SessionStats stats;
+    const std::vector<float> one = render(scene, options, 1, &stats);
+    EXPECT_EQ(stats.light_rays, light_rays ? 1 : 4);  // 2 at first
+    EXPECT_EQ(one, render(scene, options, 2));
+    EXPECT_EQ(one, render(scene, options, 7));
+    options.adaptive_sampling = false;
+    EXPECT_NE(one, render(scene, options, 2));
+  }
+}
+
+/// Gives the scene's balls and ground these materials.
+void set_materials(Scene* scene, const Closure& ball, const Closure& ground) {
+  for (int material = 0; material < 4; ++material) {
+    scene->set_material(material, {material < 3 ? ball : ground});
+  }
+}
+
+/// Light rays of the last samples, after 4 with `max_bounces` 0 and else 2.
+int light_rays_on(const Closure& ball, const Closure& ground, int max_bounces) {
+  const auto scene = make_lit_spheres(BlockDensity::LINEAR);
+  set_materials(scene.get(), ball, ground);
+  RenderOptions options = options_of(true);
+  options.light_rays = 0;
+  options.max_bounces = max_bounces;
+  SessionStats stats;
+  render(scene, options, 0, &stats);
+  return stats.light_rays;
+}
+
+TEST(AdaptiveSampling, TakesAsManyLightRaysAsPay) {
+  Closure rough = diffuse(0.5f);
+  rough.roughness = 0.5f;  // shaded vertex by vertex, not in lanes
+  const Closure shiny = glossy(0.9f, 0.2f);
+  for (const int max_bounces : {0, 3}) {
+    EXPECT_EQ(light_rays_on(diffuse(0.5f), diffuse(0.5f), max_bounces), 4);
+    EXPECT_EQ(light_rays_on(rough, rough, max_bounces), 4);
+    EXPECT_LE(light_rays_on(shiny, shiny, max_bounces), 2);
+  }
+  EXPECT_EQ(light_rays_on(shiny, shiny, 3), 1);
+}
+
+/// The samples of before and after a change of the light rays.
+TEST(AdaptiveSampling, KeepsTheMeanAsLightRaysChange) {
+  const auto scene = make_lit_spheres(BlockDensity::LINEAR);
+  set_materials(scene.get(), glossy(0.9f, 0.2f), glossy(0.9f, 0.3f));
+  RenderOptions options = options_of(false, 77, 1024);
+  options.light_rays = 4;
+  const double even = mean_of(render(scene, options));
+  double mean = 0.0;
+  const uint32_t seeds = 128;
+  for (uint32_t seed = 0; seed < seeds; ++seed) {
+    options = options_of(true, seed, 16);
+    options.light_rays = 0;
+    SessionStats stats;
+    mean += mean_of(render(scene, options, 0, &stats)) / seeds;
+    EXPECT_LT(stats.light_rays, 4);
+  }
+  EXPECT_NEAR(mean / even, 1.0, 2e-3);  // four standard errors
 }
 
 TEST(AdaptiveSampling, FewSamplesAreSpreadEvenly) {

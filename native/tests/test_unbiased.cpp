@@ -94,8 +94,13 @@ const Mode kModes[] = {{"plain", [](RenderOptions*) {}},
                           o->samples = 1000;
                           o->light_rays = 3;
                         }},
+                       {"light rays as measured",
+                        [](RenderOptions* o) {
+                          o->light_rays = 0;
+                          o->adaptive_sampling = true;
+                        }},
                        {"all of the add-on's", [](RenderOptions* o) {
-                          o->light_rays = 2;
+                          o->light_rays = 0;
                           o->control_variate = o->product_sampling = o->learn_visibility = true;
                           o->adaptive_sampling = true;
                         }}};
