@@ -125,14 +125,13 @@ int light_rays_that_pay(int measured_rays, float difference, double later_rays) 
 TEST(SamplePlan, TakesAsManyLightRaysAsPay) {
   // All noise is that of the light rays, or none of it.
   for (const int measured_rays : {2, 4}) {
-    EXPECT_EQ(light_rays_that_pay(measured_rays, 1.0f, 0.0), 4);
+    EXPECT_EQ(light_rays_that_pay(measured_rays, 1.0f, 1.0), 4);
     EXPECT_EQ(light_rays_that_pay(measured_rays, 0.0f, 0.0), 1);
   }
-  // A fifth of it: worth more rays only if the rest of the path is dear.
-  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.2f), 0.0), 1);
-  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.2f), 20.0), 4);
-  // Next to nothing is not worth a change.
+  // A third of it: worth more rays only if the rest of the path is dear.
+  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.3f), 0.0), 1);
   EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.3f), 1.0), 2);
+  EXPECT_EQ(light_rays_that_pay(2, std::sqrt(0.3f), 20.0), 4);
 }
 
 RenderOptions options_of(bool adaptive, uint32_t seed = 0, int samples = 32) {
