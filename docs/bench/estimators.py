@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What each step from plain next-event estimation to the best mode is worth: error at equal samples,
 processor time of a pixel sample, efficiency 1 / (nRMSE^2 time) relative to the first line. Direct light of
-two scenes, without Blender:
+small scenes, without Blender:
 
-    build/venv/bin/python docs/bench/estimators.py HDRI [--samples 4 16 64] [--scenes spheres room]
+    build/venv/bin/python docs/bench/estimators.py HDRI [--samples 4 16 64] [--scenes spheres room chrome]
 
 With --light-rays the steps are best mode with one to four of them instead, and with as many as it measures
 to pay.
@@ -108,6 +108,15 @@ def spheres(scene: core.Scene) -> None:
     look(scene, (0, -7.5, 5.5), (0, 0.2, 0.55), 2 * math.atan(18 / 40))
 
 
+def chrome(scene: core.Scene) -> None:
+    """A nearly smooth ball on a grey ground: its noise is that of BSDF samples."""
+    grey = scene.add_material([{"type": "DIFFUSE", "color": (0.5, 0.5, 0.5)}])
+    add_quad(scene, [(-50, -50, 0), (50, -50, 0), (50, 50, 0), (-50, 50, 0)], grey)
+    metal = scene.add_material([{"type": "GLOSSY", "color": (0.9, 0.9, 0.9), "roughness": 0.1}])
+    add_sphere(scene, (0, 0, 1), 1.0, metal)
+    look(scene, (0, -5, 2), (0, 0, 0.9), 0.6)
+
+
 def room(scene: core.Scene) -> None:
     """A diffuse room lit through one window in the wall at x = 3."""
     white = scene.add_material([{"type": "DIFFUSE", "color": (0.7, 0.7, 0.7)}])
@@ -121,7 +130,7 @@ def room(scene: core.Scene) -> None:
     look(scene, (-2.8, -2.6, 1.6), (1, 0.6, 1), 1.3)
 
 
-SCENES = {"spheres": spheres, "room": room}
+SCENES = {"spheres": spheres, "room": room, "chrome": chrome}
 
 
 def render(session, scene, size, samples, **options) -> tuple[np.ndarray, float]:
@@ -168,7 +177,7 @@ def main() -> None:
     parser.add_argument("hdri")
     parser.add_argument("--samples", type=int, nargs="+", default=[4, 16, 64])
     parser.add_argument("--size", type=int, nargs=2, default=[80, 60])
-    parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES))
+    parser.add_argument("--scenes", nargs="+", default=["spheres", "room"], choices=list(SCENES))
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument(
         "--light-rays", action="store_true", help="numbers of light rays instead of the steps"
