@@ -8,6 +8,7 @@ holds a freshly built skytree_core, for development.
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import hashlib
 import importlib
@@ -88,30 +89,39 @@ def cache_folder() -> str:
 def unpack_wheel(wheel: str, cache: str) -> str:
     """Folder with the wheel's files, named by its content's hash, so that versions lie side by side.
 
-    Unpacked beside its final name and then renamed, which is atomic: two Blenders that start together cannot
-    see half a folder. A folder whose files do not have the sizes in the wheel is unpacked again."""
+    One Blender at a time looks and unpacks: of several that start together one would take away what another
+    has just unpacked and loads. Files come into the folder by a renaming, which is atomic, so that one that
+    is killed leaves no half of it. A folder whose files do not have the sizes in the wheel is unpacked
+    again."""
     with open(wheel, "rb") as stream:
         digest = hashlib.sha256(stream.read()).hexdigest()[:16]
     target = os.path.join(cache, digest)
-    with zipfile.ZipFile(wheel) as archive:
+    os.makedirs(cache, exist_ok=True)
+    with zipfile.ZipFile(wheel) as archive, _locked(cache):
         if _is_complete(archive, target):
             return target
-        os.makedirs(cache, exist_ok=True)
         fresh = tempfile.mkdtemp(prefix=digest, dir=cache)
         try:
             archive.extractall(fresh)
-            if os.path.isdir(target):
-                os.rename(target, tempfile.mktemp(prefix="damaged-", dir=cache))
+            shutil.rmtree(target, ignore_errors=True)
             os.rename(fresh, target)
-        except OSError:
-            # Another process was faster.
-            if not _is_complete(archive, target):
-                raise
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
-            for damaged in glob.glob(os.path.join(cache, "damaged-*")):
-                shutil.rmtree(damaged, ignore_errors=True)
     return target
+
+
+@contextlib.contextmanager
+def _locked(folder: str):
+    """Keeps other processes that lock the folder out; the system unlocks it for one that dies."""
+    import fcntl  # here, as where there is none core() is to say what is missing
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # network drives may have no locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _is_complete(archive: zipfile.ZipFile, folder: str) -> bool:

@@ -56,7 +56,8 @@ class ViewportHooks:
 
     def __del__(self):
         # Called when the view closes, leaves Rendered shading or another file is loaded.
-        renderer = self.__dict__.pop("_renderer", None)
+        # Blender's own attribute access refuses once the engine is gone on its side.
+        renderer = object.__getattribute__(self, "__dict__").pop("_renderer", None)
         if renderer is not None:
             viewport_clock.forget(renderer)
             compare_region.forget(renderer)
