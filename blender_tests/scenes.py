@@ -308,10 +308,12 @@ def short_of_memory(megabytes: int):
 
 
 def large_scene(scene):
-    """A million triangles under a map of 4096 x 2048 texels; the object and the world's Mapping node."""
+    """A million triangles under a map of 4096 x 2048 texels, or $SKYTREE_MAP_WIDTH across; the object and the
+    world's Mapping node."""
     ob = million_triangles(scene)
-    image = bpy.data.images.new("large", 4096, 2048, float_buffer=True, alpha=False)
-    pixels = np.random.default_rng(1).random((2048, 4096, 4), np.float32) ** 8
+    width = int(os.environ.get("SKYTREE_MAP_WIDTH") or 4096)
+    image = bpy.data.images.new("large", width, width // 2, float_buffer=True, alpha=False)
+    pixels = np.random.default_rng(1).random((width // 2, width, 4), np.float32) ** 8
     image.pixels.foreach_set(pixels.ravel())
     _, mapping = set_map(scene, image)
     return ob, mapping
