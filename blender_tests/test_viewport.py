@@ -443,3 +443,27 @@ def test_main_thread_stays_responsive(skytree, scene):
     for name, milliseconds in calls.items():
         print(f"{name}: {len(milliseconds)} calls, median {np.median(milliseconds):.1f} ms, "
               f"longest {max(milliseconds):.1f} ms")  # fmt: skip
+
+
+def test_a_renderer_is_closed_when_blender_has_freed_its_engine(scene, skytree, monkeypatch):
+    """Blender 5.2 refuses access to an engine's attributes once it has freed its own side of it."""
+
+    class Renderer:
+        closed = False
+
+        def close(self):
+            self.closed = True
+
+    renderer, engines = Renderer(), []
+
+    def render(engine, depsgraph):
+        engine._renderer = renderer
+        engines.append(engine)  # the Python object outlives the render
+
+    monkeypatch.setattr(scenes.part(skytree, "engine").SkytreeRenderEngine, "render", render)
+    scene.render.engine = "SKYTREE"
+    bpy.ops.render.render(scene=scene.name)
+    assert engines and not renderer.closed
+    engines.clear()
+    gc.collect()
+    assert renderer.closed

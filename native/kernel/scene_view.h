@@ -60,8 +60,8 @@ struct RenderSettings {
   int candidates = 0;
   bool bsdf_candidates = false;
   int light_rays = 1;  // at the first vertex, where it is not sharp; up to kMaxLightRays
-  uint32_t light_skip =
-      0;                 // points of their sequence that earlier samples have taken beyond theirs
+  // Where light_rays has changed: points that samples before took beyond so many each.
+  uint32_t light_skip = 0;
   float control = 0.0f;  // factor on the control variate, kernel/estimators.h
   TileControls controls = {};
 };

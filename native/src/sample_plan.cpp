@@ -127,7 +127,7 @@ void SamplePlan::record(size_t pixel, const MeasuredSample& sample) {
   sums.squares += dot(radiance, radiance);
 }
 
-double SamplePlan::variance(const Sums& sums) const {
+double SamplePlan::variance_of(const Sums& sums) const {
   double squared_mean = 0.0;
   for (const float channel : sums.radiance) {
     squared_mean += double(channel) / measured_ * channel / measured_;
@@ -135,7 +135,7 @@ double SamplePlan::variance(const Sums& sums) const {
   return std::max(sums.squares / measured_ - squared_mean, 0.0);
 }
 
-double SamplePlan::brightness(const Sums& sums) const {
+double SamplePlan::brightness_of(const Sums& sums) const {
   double sum = 0.0;
   for (const float channel : sums.radiance) sum += std::max(channel, 0.0f);
   return sum / (3.0 * measured_);
@@ -146,8 +146,8 @@ void SamplePlan::share_out() {
   std::vector<float> variance(count), brightness(count);
   double image_mean = 0.0;
   for (size_t i = 0; i < count; ++i) {
-    variance[i] = float(this->variance(sums_[i]));
-    brightness[i] = float(this->brightness(sums_[i]));
+    variance[i] = float(variance_of(sums_[i]));
+    brightness[i] = float(brightness_of(sums_[i]));
     image_mean += brightness[i] / double(count);
   }
 
@@ -177,15 +177,15 @@ void SamplePlan::share_out() {
 
 int SamplePlan::light_rays_that_pay(int measured_rays, double later_rays) const {
   double image_mean = 0.0;
-  for (const Sums& s : sums_) image_mean += brightness(s) / double(sums_.size());
+  for (const Sums& s : sums_) image_mean += brightness_of(s) / double(sums_.size());
   const double dark = kDark * image_mean + 1e-30;
   // Squared error over brightness in the end, and what of it `measured_rays` light rays bring;
   // samples to come, and those that take several light rays.
   double error = 0.0, light_error = 0.0, samples = 0.0, several = 0.0;
   for (size_t i = 0; i < sums_.size(); ++i) {
     const Sums& s = sums_[i];
-    const double weight = 1.0 / ((measured_ + double(extra_[i])) * (brightness(s) + dark));
-    error += weight * variance(s) * measured_ / (measured_ - 1.0);
+    const double weight = 1.0 / ((measured_ + double(extra_[i])) * (brightness_of(s) + dark));
+    error += weight * variance_of(s) * measured_ / (measured_ - 1.0);
     light_error += weight * s.difference_squares / measured_;
     samples += extra_[i];
     several += double(extra_[i]) * s.several / measured_;

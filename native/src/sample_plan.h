@@ -63,8 +63,8 @@ class SamplePlan {
     float difference_squares = 0;  // of light_difference, all channels
     uint32_t several = 0;          // samples that took more than one light ray
   };
-  double variance(const Sums& sums) const;  // of a sample, all channels
-  double brightness(const Sums& sums) const;
+  double variance_of(const Sums& sums) const;  // of a sample, all channels
+  double brightness_of(const Sums& sums) const;
 
   int width_, height_, samples_, measured_;
   std::vector<Sums> sums_;
